@@ -477,7 +477,8 @@ class SceneSession:
         self._other_segments.forget()
 
     def _on_segments(self) -> None:
-        self._segments_changed = True  # For the next poll, since such calls come in storms.
+        # For the next poll, since such calls come in storms.
+        self._segments_changed = self._look_due = True
 
     def _show(self) -> bool:
         """Whether slice views have something else to show now."""

@@ -1,4 +1,4 @@
-"""Points that stayed where they are in the scene while their volume was moved: they lie elsewhere in it now.
+"""Points and segments that stayed where they are in the scene while their volume was moved: they lie elsewhere in it now.
 
 A volume may be moved while another one is chosen, as registering the one to the other does.
 """
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import slicer
+import vtk
 
 from ...core.system.errors import InputError
 from ..classes.volume_histories import Classes
@@ -17,7 +18,9 @@ from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
 from ..interface.wording import left_behind_text
 from ..mrml.point_lists import Point
-from ..mrml.transforms import matrix_to_world
+from ..mrml.transforms import matrix_to_world, numpy_matrix
+from ..segments.labelmaps import labelmaps_of
+from ..segments.segment_tags import segments_of_classes
 from ..volumes.volume_content import content_of
 from .annotations import SceneAnnotations
 
@@ -36,22 +39,26 @@ class _Look:
         voxels: see `VolumeContent`.
         ijk_to_world: where they are.
         points: all of them.
-        home: where the voxels were when those that are left were placed.
+        segments_to_world: where voxels of the classes' segments are; None where there are none.
+        home: where the voxels were when what is left was made.
         left: points that did not go along.
+        segments_are_left: whether the segments did not.
     """
 
     voxels: tuple[Any, int]
     ijk_to_world: np.ndarray
     points: _Points
+    segments_to_world: np.ndarray | None
     home: np.ndarray
     left: _Points
+    segments_are_left: bool
 
 
 class LeftBehind:
-    """Tells which structures' points did not go along with a volume, until they follow, are changed, or it comes back.
+    """Tells which points and segments did not go along with a volume, until they follow, are changed, or it comes back.
 
     Args:
-        parameters: say which volume.
+        parameters: say which volume and segmentation.
         annotations: hold the points.
         problems: are told.
     """
@@ -73,7 +80,7 @@ class LeftBehind:
         now = self._look(volume) if volume is not None else None
         if now is not None:
             self._last[volume] = now
-        self._tell(volume, now.left if now is not None else {})
+        self._tell(now)
         return self._problems.standing != before
 
     def forget(self) -> None:
@@ -87,22 +94,47 @@ class LeftBehind:
             return None
         last, points = self._last.get(volume), _points(self._annotations.classes)
         ijk_to_world = matrix_to_world(volume) @ content.geometry.ijk_to_ras
-        home, left = ijk_to_world, _Points()
+        segments_to_world = self._segments_to_world()
+        home, left, segments_are_left = ijk_to_world, _Points(), False
         if last is not None and last.voxels == content.voxels:
             home, left = last.home, last.left
-            if not _is_same(last.ijk_to_world, ijk_to_world):
+            moved = not _is_same(last.ijk_to_world, ijk_to_world)
+            if moved:
                 left = left | {id_: stayed for id_, stayed in points.items() if last.points.get(id_) == stayed}
+            if last.segments_to_world is not None and segments_to_world is not None:
+                stayed_there = _is_same(last.segments_to_world, segments_to_world)
+                # Those that were moved first are where the volume is by now: they have voxels of its grid.
+                segments_are_left = (moved or last.segments_are_left) and stayed_there
+                segments_are_left &= not _is_same(segments_to_world, ijk_to_world)
             if _is_same(home, ijk_to_world):
-                left = {}
+                left, segments_are_left = {}, False
             left = {id_: stayed for id_, stayed in left.items() if points.get(id_) == stayed}
-        return _Look(content.voxels, ijk_to_world, points, home if left else ijk_to_world, left)
+        home = home if left or segments_are_left else ijk_to_world
+        return _Look(content.voxels, ijk_to_world, points, segments_to_world, home, left, segments_are_left)
 
-    def _tell(self, volume: slicer.vtkMRMLScalarVolumeNode | None, left: _Points) -> None:
-        if volume is not None and left:
-            names = [state.name for state in self._annotations.classes if state.id in left]
-            self._problems.put("left behind", left_behind_text(volume.GetName(), names))
-        else:
+    def _segments_to_world(self) -> np.ndarray | None:
+        node = self._parameters.segmentation
+        if node is None:
+            return None
+        ids = segments_of_classes(node.GetSegmentation(), {state.id for state in self._annotations.classes})
+        labelmaps = labelmaps_of(node.GetSegmentation(), ids.values())
+        if not labelmaps:
+            return None
+        image_to_local = vtk.vtkMatrix4x4()
+        labelmaps[0].image.GetImageToWorldMatrix(image_to_local)
+        try:
+            return np.asarray(matrix_to_world(node) @ numpy_matrix(image_to_local))
+        except InputError:
+            return None
+
+    def _tell(self, now: _Look | None) -> None:
+        volume, segmentation = self._parameters.volume, self._parameters.segmentation
+        if now is None or volume is None or not (now.left or now.segments_are_left):
             self._problems.solve("left behind")
+            return
+        names = [state.name for state in self._annotations.classes if state.id in now.left]
+        left_segmentation = segmentation.GetName() if now.segments_are_left and segmentation is not None else None
+        self._problems.put("left behind", left_behind_text(volume.GetName(), names, left_segmentation))
 
 
 def _points(classes: Classes) -> _Points:

@@ -162,12 +162,31 @@ def older_segments_text(segmentation_name: str) -> str:
     ).format(name=segmentation_name)
 
 
-def left_behind_text(volume: str, names: Sequence[str]) -> str:
-    """Of structures whose points stayed where they were when the volume was moved."""
-    return _(
-        "'{volume}' was moved, and the points of {names} were not: they lie elsewhere in it now. If that is not meant, put "
-        "their lists under the same transform, in Slicer's module Data, or move the image back."
-    ).format(volume=volume, names=_listing(names))
+def left_behind_text(volume: str, names: Sequence[str], segmentation: str | None) -> str:
+    """Of what stayed where it was when the volume was moved.
+
+    Args:
+        volume: its name.
+        names: of the structures whose points stayed.
+        segmentation: the name of the segmentation whose segments stayed; None: there is none.
+    """
+    if segmentation is None:
+        text = _(
+            "'{volume}' was moved, and the points of {names} were not: they lie elsewhere in it now. If that is not meant, put "
+            "their lists under the same transform, in Slicer's module Data, or move the image back."
+        )
+    elif names:
+        text = _(
+            "'{volume}' was moved, and the points of {names} and the segments of '{segmentation}' were not: they lie elsewhere "
+            "in it now. If that is not meant, put their lists and the segmentation under the same transform, in Slicer's "
+            "module Data, or move the image back."
+        )
+    else:
+        text = _(
+            "'{volume}' was moved, and the segments of '{segmentation}' were not: they lie elsewhere in it now. Update the "
+            "segments, put the segmentation under the same transform, in Slicer's module Data, or move the image back."
+        )
+    return text.format(volume=volume, names=_listing(names), segmentation=segmentation)
 
 
 def former_model_text(former: str, model: str) -> str:

@@ -1,4 +1,4 @@
-"""Points that stay where they are while their volume is moved are told of, until that is over."""
+"""Points and segments that stay where they are while their volume is moved are told of, until that is over."""
 
 from __future__ import annotations
 
@@ -16,7 +16,17 @@ from ViTTransferFunction.Logic.scene.interface.problems import Problems
 from ViTTransferFunction.Logic.scene.mrml.transforms import vtk_matrix
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
-from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_parameter_node, add_volume, put_under
+from ViTTransferFunction.Testing.support.scenes import (
+    MOVED,
+    OBLIQUE,
+    add_parameter_node,
+    add_volume,
+    annotate,
+    open_spheres,
+    put_under,
+    segment_masks,
+    write_all,
+)
 from ViTTransferFunction.Testing.support.spheres import Spheres
 
 ARRAY = np.arange(60, dtype=np.int16).reshape(3, 4, 5)
@@ -136,3 +146,76 @@ def test_a_session_tells_it_once(slicer_app: Any, spheres: Spheres) -> None:
     assert "was moved, and the points of 'liver' were not" in message
     assert message in session.errors
     session.close()
+
+
+class Written:
+    """Three structures with points, and their segments.
+
+    Attributes:
+        session: of them.
+        volume: which they are of.
+        segmentation: where they were written.
+        lists: of points.
+    """
+
+    def __init__(self, slicer_app: Any, spheres: Spheres) -> None:
+        self.session = open_spheres(slicer_app, spheres)
+        ids = annotate(self.session, spheres)
+        write_all(self.session)
+        self.volume, self.segmentation = self.session.parameters.volume, self.session.parameters.segmentation
+        self.lists = [self.session.annotations.points_node(id_, positive) for id_ in ids for positive in (True, False)]
+
+    def told(self) -> str:
+        """What is told of the places of things, or ""."""
+        self.session.poll()
+        return next((error for error in self.session.errors if "was moved" in error), "")
+
+
+@pytest.fixture
+def written(slicer_app: Any, spheres: Spheres) -> Iterator[Written]:
+    written = Written(slicer_app, spheres)
+    yield written
+    written.session.close()
+
+
+def test_segments_that_stay_are_told_of_after_the_points_followed_until_they_follow(written: Written) -> None:
+    transform = put_under(written.volume, MOVED)
+    assert "the points of 'sphere 1', 'sphere 2', 'sphere 3' and the segments of" in written.told()
+    for node in written.lists:
+        node.SetAndObserveTransformNodeID(transform.GetID())
+    message = written.told()
+    assert f"the segments of '{written.segmentation.GetName()}' were not" in message
+    assert "the points" not in message
+    written.segmentation.SetAndObserveTransformNodeID(transform.GetID())
+    assert written.told() == ""
+
+
+def test_segments_that_are_written_anew_are_where_the_volume_is(written: Written) -> None:
+    before = segment_masks(written.segmentation, written.volume)
+    transform = put_under(written.volume, MOVED)
+    for node in written.lists:
+        node.SetAndObserveTransformNodeID(transform.GetID())
+    assert written.told()
+    written.session.segments.write("ask")
+    written.session.wait()
+    assert written.told() == ""
+    after = segment_masks(written.segmentation, written.volume)
+    assert {name: mask.sum() for name, mask in after.items()} == {name: mask.sum() for name, mask in before.items()}
+
+
+def test_segments_that_were_moved_before_the_volume_are_not_told_of(written: Written) -> None:
+    transform = put_under(written.segmentation, MOVED)
+    assert written.told() == ""
+    for node in (*written.lists, written.volume):
+        node.SetAndObserveTransformNodeID(transform.GetID())
+    assert written.told() == ""
+
+
+def test_hardening_the_transforms_of_all_moves_no_segments(written: Written) -> None:
+    transform = put_under(written.volume, MOVED)
+    for node in (*written.lists, written.segmentation):
+        node.SetAndObserveTransformNodeID(transform.GetID())
+    assert written.told() == ""
+    for node in (written.volume, *written.lists, written.segmentation):
+        node.HardenTransform()
+        assert written.told() == ""
