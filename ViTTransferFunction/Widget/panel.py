@@ -28,6 +28,7 @@ from ViTTransferFunction.Widget.pictures_section import PicturesSection
 from ViTTransferFunction.Widget.points_section import PointsSection
 from ViTTransferFunction.Widget.pytorch_installation import pytorch_is_installed
 from ViTTransferFunction.Widget.pytorch_section import PyTorchSection
+from ViTTransferFunction.Widget.section_headers import SectionHeaders
 from ViTTransferFunction.Widget.shortcut_help import ShortcutHelp
 from ViTTransferFunction.Widget.shortcuts import Shortcuts
 from ViTTransferFunction.Widget.size_controls import SizeControls
@@ -69,6 +70,7 @@ class Panel:
         self._messages = MessageArea(ui)
         self._height = PanelHeight(ui.messageFrame.parent())
         self._copied = CopiedText(ui.messageLabel)
+        self._headers = SectionHeaders(ui)
         report = ErrorReport(self._messages, lambda: (self.session, self._classes()))
         self.tools = AnnotationTools(ui, report)
         self._table = ClassTable(ui, report, on_added=self._on_class_added)

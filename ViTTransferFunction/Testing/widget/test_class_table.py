@@ -134,6 +134,29 @@ def test_delete_removes_the_selected_structure_where_the_table_has_the_keyboard(
     assert names(widget) == ["liver", "spleen"]
 
 
+@pytest.mark.parametrize("key", ["Up", "Down", "Left", "Right"])
+def test_arrows_at_the_ends_of_the_table_leave_it_the_keyboard(widget: Any, host: Host, key: str) -> None:
+    """To Qt, the section around it is a button, which gives the keyboard to the header of another section."""
+    add_class(widget, "liver")
+    table = focus(widget, host)
+    for _ in range(table.columnCount() + 1):
+        assert table.hasFocus()
+        QTest.keyClick(table, Qt.Key[f"Key_{key}"])
+    assert table.hasFocus()
+    assert selected_name(widget) == "liver"
+
+
+def test_the_header_of_a_section_has_its_keys(widget: Any, host: Host) -> None:
+    header = widget.ui.classesCollapsibleButton
+    host.window.activateWindow()
+    header.setFocus()
+    wait_until(header.hasFocus)
+    QTest.keyClick(header, Qt.Key.Key_Space)
+    assert widget.ui.classTable.isHidden()
+    QTest.keyClick(header, Qt.Key.Key_Space)
+    assert not widget.ui.classTable.isHidden()
+
+
 def test_keys_select_the_structure_above_and_below_and_the_tables_ends_meet(widget: Any, host: Host) -> None:
     host.window.activateWindow()
     QTest.qWait(10)
