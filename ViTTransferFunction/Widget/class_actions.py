@@ -16,12 +16,17 @@ from ViTTransferFunction.Widget.wording import in_menu
 
 
 class ClassActions(Section):
-    """Rename, duplicate, move, remove, and a look at the points. Undo takes all of them back but the look.
+    """Rename, recolour, duplicate, move, remove, and a look at the points. Undo takes all of them back but the look.
 
     The keys work only while the table has the focus: neither elsewhere, nor while a name is typed.
+
+    Args:
+        ui: the widgets of the panel, by name.
+        report: shows an error to the user.
+        change_color: has the user choose a colour for the selected structure.
     """
 
-    def __init__(self, ui: Any, report: Report) -> None:
+    def __init__(self, ui: Any, report: Report, change_color: Callable[[], None]) -> None:
         super().__init__(ui, report)
         ui.duplicateClassButton.clicked.connect(self.duplicate)
         ui.moveClassUpButton.clicked.connect(self.move_up)
@@ -29,6 +34,7 @@ class ClassActions(Section):
         ui.removeClassButton.clicked.connect(self.remove)
         ui.classTable.contextMenuPolicy = qt.Qt.ActionsContextMenu
         self._rename = self._add(_("Rename"), self.rename, TABLE_KEYS["rename"])
+        self._change_color = self._add(_("Change colour"), change_color)
         self._show_next_point = self._add(_("Show next point"), self.show_next_point)
         self._points_inside = self._add_markup_menu(_("Points inside from a markup"), positive=True)
         self._points_outside = self._add_markup_menu(_("Points outside from a markup"), positive=False)
@@ -47,7 +53,7 @@ class ClassActions(Section):
             (ui.removeClassButton, self._remove, selected is not None),
         ):
             button.enabled = action.enabled = possible
-        for action in (self._rename, self._points_inside.menuAction(), self._points_outside.menuAction()):
+        for action in (self._rename, self._change_color, self._points_inside.menuAction(), self._points_outside.menuAction()):
             action.enabled = selected is not None
         self._show_next_point.enabled = selected is not None and bool(selected.positive or selected.negative)
 

@@ -78,6 +78,11 @@ class ClassTable(Section):
             row = (self._table.currentRow() + step) % len(self.session.classes)
             self.session.select_class(self.session.classes[row].id)
 
+    def change_color(self) -> None:
+        """Have the user choose a colour for the selected class."""
+        if self.selected is not None:
+            self._change_color_of(self.selected)
+
     @property
     def _volume_unit(self) -> str:
         return volume_unit(self.session.body_scale if self.session else 1.0)
@@ -150,11 +155,14 @@ class ClassTable(Section):
             return
         state = self.session.classes[row]
         if column == COLOR:
-            color = ask_color(state.color, state.name, self._table)
-            if color is not None:
-                self.session.annotations.set_class(state.id, color=color)
+            self._change_color_of(state)
         elif column in _POLARITIES:
             self.session.show_next_point(state.id, [_POLARITIES[column]])
+
+    def _change_color_of(self, state: ClassState) -> None:
+        color = ask_color(state.color, state.name, self._table)
+        if self.session is not None and color is not None:
+            self.session.annotations.set_class(state.id, color=color)
 
     def _on_selection(self) -> None:
         row = self._table.currentRow()

@@ -74,7 +74,7 @@ class Panel:
         report = ErrorReport(self._messages, lambda: (self.session, self._classes()))
         self.tools = AnnotationTools(ui, report)
         self._table = ClassTable(ui, report, on_added=self._on_class_added)
-        self._class_actions = ClassActions(ui, report)
+        self._class_actions = ClassActions(ui, report, change_color=self._table.change_color)
         self.size = SizeControls(ui, report)
         self.close_up = CloseUpControls(ui, report)
         self._volume = VolumeSection(ui, report)

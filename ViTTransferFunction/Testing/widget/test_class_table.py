@@ -117,7 +117,7 @@ def test_what_cannot_be_done_to_a_structure_cannot_be_pressed(widget: Any) -> No
     assert [button.isEnabled() for button in buttons] == [True, False, False, True]
     enabled = {action.text() for action in table.actions() if action.isEnabled()}
     from_markups = {"Points inside from a markup", "Points outside from a markup"}
-    assert enabled == {"Rename", "Duplicate", "Remove"} | from_markups
+    assert enabled == {"Rename", "Change colour", "Duplicate", "Remove"} | from_markups
     assert table.contextMenuPolicy() == Qt.ContextMenuPolicy.ActionsContextMenu
 
 
@@ -155,6 +155,19 @@ def test_the_header_of_a_section_has_its_keys(widget: Any, host: Host) -> None:
     assert widget.ui.classTable.isHidden()
     QTest.keyClick(header, Qt.Key.Key_Space)
     assert not widget.ui.classTable.isHidden()
+
+
+def test_the_colour_is_changed_by_the_menu_as_well(widget: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which a key opens."""
+    from ViTTransferFunction.Widget import class_table
+
+    add_class(widget, "liver")
+    monkeypatch.setattr(class_table, "ask_color", lambda color, name, parent: (0.0, 0.5, 1.0))
+    choose(widget, "Change colour")
+    assert widget.panel.session.classes[0].color == (0.0, 0.5, 1.0)
+    monkeypatch.setattr(class_table, "ask_color", lambda color, name, parent: None)
+    choose(widget, "Change colour")
+    assert widget.panel.session.classes[0].color == (0.0, 0.5, 1.0)
 
 
 def test_keys_select_the_structure_above_and_below_and_the_tables_ends_meet(widget: Any, host: Host) -> None:
