@@ -20,6 +20,7 @@ from ..interface.problems import Problems
 from ..volumes.opened_volume import OpenedVolume
 from .corrections import Corrections
 from .segment_output import SegmentOutput
+from .segment_writing import check_writable
 from .written_segments import WrittenSegments
 
 
@@ -143,6 +144,8 @@ class SceneSegments(WrittenSegments):
             self._report("There is nothing to segment yet: compute the features, and place a point on a structure.")
         elif self._volume.changed:
             self._report("The image has just changed. Wait until its features are ready, then create the segments.")
+        elif obstacle := self._obstacle():
+            self._report(obstacle)
         elif corrections == "ask":
             self._output.find_corrections(if_none=lambda: self._begin("keep"))
         else:
@@ -150,6 +153,16 @@ class SceneSegments(WrittenSegments):
             # Another one that is chosen meanwhile is not what was asked about, nor what the answer about corrections is for.
             self._into = self._parameters.segmentation
             self._proxy.segment(self._parameters.refinement())
+
+    def _obstacle(self) -> str:
+        """Why segments cannot be written where they are to go, as far as that is known before there are any; or ""."""
+        node = self._parameters.segmentation
+        try:
+            if node is not None:
+                check_writable(node, self._parameters.volume)
+        except InputError as error:
+            return str(error)
+        return ""
 
     def _remove_left(self) -> None:
         """Write that there are no structures any more, for which nothing has to be computed."""

@@ -11,8 +11,9 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry, transform_points
 from ViTTransferFunction.Logic.scene.mrml.transforms import matrix_to_world
+from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
-from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_segment, put_under
+from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_segment, annotate, put_under, write_all
 from ViTTransferFunction.Testing.support.segments import (
     LABELMAP,
     SHAPE,
@@ -23,6 +24,7 @@ from ViTTransferFunction.Testing.support.segments import (
     voxels_of,
     write_segments,
 )
+from ViTTransferFunction.Testing.support.spheres import Spheres
 
 slicer = pytest.importorskip("slicer")
 
@@ -139,3 +141,21 @@ def test_others_do_not_move_with_a_volume_that_is_under_a_transform(a_segmentati
     (ours,) = write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=False)
     assert a_segmentation.GetParentTransformNode() is None
     assert voxels_of(a_segmentation, ours) == positions_of(block(1, 4), a_volume)
+
+
+def test_a_segmentation_that_was_made_surfaces_is_refused_before_anything_is_asked_or_computed(
+    session: SceneSession, spheres: Spheres
+) -> None:
+    """Who says that corrections are to be overwritten, or waits for segments, is not told afterwards that they cannot be."""
+    annotate(session, spheres)
+    write_all(session)
+    node = session.parameters.segmentation
+    node.CreateClosedSurfaceRepresentation()
+    node.GetSegmentation().SetSourceRepresentationName("Closed surface")
+    session.wait()
+    for corrections in ("ask", "overwrite"):
+        session.segments.write(corrections)
+        assert not session.busy
+        assert "is stored as 'Closed surface'" in (session.take_error() or "")
+        session.wait()
+        assert session.segments.take_corrected() == ()
