@@ -57,6 +57,16 @@ OWN_SCANS = {
     "the same (T2)": "thigh sarcoma MR T2",
 }
 """The names of scans that were not looked at before, in the README's table and in the results."""
+LUNGS = {
+    "a nodule of 6.7 ml, at the pleura": "lung nodule CT LIDC-IDRI-0001",
+    "three nodules of 5.4, 0.4 and 1.2 ml": "lung nodule CT LIDC-IDRI-0003",
+    "a nodule of 1.4 ml, 5 mm slices": "lung nodule CT PyRadiomics lung1",
+    "ground glass, 5.1 ml": "lung nodule CT LIDC-IDRI-0002",
+    "a tumour of 48 ml, 5 mm slices": "lung tumour CT PyRadiomics lung2",
+    "a part: a tumour of 6.5 ml around a bronchus": "lung nodule CT Maastro patient 2",
+    "a part: a tumour of 11.6 ml at the mediastinum": "lung nodule CT Maastro patient 3",
+}
+"""The names of scans of lungs in RESULTS, and in the results."""
 OTHER_KINDS = {
     "foetal brain MR (T2), 28 weeks: 7 tissues and parts": "foetal brain MR",
     "brain MR (T2) of a newborn: 7 structures": "newborn brain MR",
@@ -205,12 +215,16 @@ def test_readme_and_results_have_the_mean_of_the_scans_not_looked_at_before() ->
     assert f"is {first}, {second}, {third}, {fourth} and {fifth} after one to five clicks" in results
 
 
-def test_results_have_the_accuracy_on_scans_of_other_kinds() -> None:
-    cases = summary("other_kinds/own_scans")["cases"]
-    rows = list(rows_of("docs/RESULTS.md", "| scan of another kind | @1 | @3 | @5 | @5 with one size step |"))
-    assert {OTHER_KINDS[name] for name, *_ in rows} == cases.keys()
+@pytest.mark.parametrize(
+    ("results", "scans", "of_scans"),
+    [("other_kinds", "scan of another kind", OTHER_KINDS), ("lung_nodules", "scan of a lung", LUNGS)],
+)
+def test_results_have_the_accuracy_on_scans_that_others_labelled(results: str, scans: str, of_scans: dict[str, str]) -> None:
+    cases = summary(f"{results}/own_scans")["cases"]
+    rows = list(rows_of("docs/RESULTS.md", f"| {scans} | @1 | @3 | @5 | @5 with one size step |"))
+    assert {of_scans[name] for name, *_ in rows} == cases.keys()
     for name, *figures in rows:
-        of_case = cases[OTHER_KINDS[name]]
+        of_case = cases[of_scans[name]]
         measured = [of_case["clicks alone"][n] for n in CLICKS] + [of_case["with one size step"]["5"]]
         assert figures == [figure(*each["dice"]) for each in measured], name
 
@@ -233,6 +247,14 @@ def test_readme_and_results_have_the_means_of_the_scans_of_other_kinds() -> None
     *functional, ultrasound = NO_CT_NOR_MR
     assert f"in two PETs and a SPECT the mean was {means(functional, '5')[0]} after five clicks" in readme
     assert f"the one that was tried, with {means([ultrasound], '5')[0]}." in readme
+
+
+def test_readme_and_results_have_the_means_of_the_scans_of_lungs() -> None:
+    cases = [of_case["clicks alone"] for of_case in summary("lung_nodules/own_scans")["cases"].values()]
+    first, second, third, fourth, fifth = (f"{sum(of[n]['dice'][0] for of in cases) / len(cases):.2f}" for n in "12345")
+    readme, results = (" ".join((ROOT / name).read_text(encoding="utf-8").split()) for name in ("README.md", "docs/RESULTS.md"))
+    assert f"the mean is {first}, {third} and {fifth}." in readme
+    assert f"the mean Dice of the seven is {first}, {second}, {third}, {fourth} and {fifth} after one to five clicks" in results
 
 
 def test_results_have_what_a_first_gesture_is_worth() -> None:
