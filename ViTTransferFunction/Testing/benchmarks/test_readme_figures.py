@@ -118,6 +118,17 @@ def summary(name: str) -> dict[str, Any]:
     return found
 
 
+def means_of(name: str) -> list[str]:
+    """The mean Dice of all scans after one to five clicks."""
+    cases = [of_case["clicks alone"] for of_case in summary(name)["cases"].values()]
+    return [figure(sum(of[n]["dice"][0] for of in cases) / len(cases), None) for n in "12345"]
+
+
+def readme_and_results() -> list[str]:
+    """Their texts, each as one line."""
+    return [" ".join((ROOT / name).read_text(encoding="utf-8").split()) for name in ("README.md", "docs/RESULTS.md")]
+
+
 def figure(mean: float, spread: float | None, *, digits: int = 2) -> str:
     return f"{mean:.{digits}f}" if spread is None else f"{mean:.{digits}f} ± {spread:.{digits}f}"
 
@@ -207,9 +218,8 @@ def test_readme_has_the_accuracy_on_scans_not_looked_at_before() -> None:
 
 
 def test_readme_and_results_have_the_mean_of_the_scans_not_looked_at_before() -> None:
-    cases = [of_case["clicks alone"] for of_case in summary("own_scans")["cases"].values()]
-    first, second, third, fourth, fifth = (f"{sum(of[n]['dice'][0] for of in cases) / len(cases):.2f}" for n in "12345")
-    readme, results = (" ".join((ROOT / name).read_text(encoding="utf-8").split()) for name in ("README.md", "docs/RESULTS.md"))
+    first, second, third, fourth, fifth = means_of("own_scans")
+    readme, results = readme_and_results()
     assert f"the mean is {first} after one click, {third} after three and {fifth} after five" in readme
     assert f"the mean Dice is {first}, {third} and {fifth} after one, three and five clicks" in results
     assert f"is {first}, {second}, {third}, {fourth} and {fifth} after one to five clicks" in results
@@ -231,7 +241,7 @@ def test_results_have_the_accuracy_on_scans_that_others_labelled(results: str, s
 
 def test_readme_and_results_have_the_means_of_the_scans_of_other_kinds() -> None:
     cases = summary("other_kinds/own_scans")["cases"]
-    readme, results = (" ".join((ROOT / name).read_text(encoding="utf-8").split()) for name in ("README.md", "docs/RESULTS.md"))
+    readme, results = readme_and_results()
     scans, others = ([case for case in cases if (case in NO_CT_NOR_MR) == other] for other in (False, True))
 
     def means(of: list[str], clicks: str) -> list[str]:
@@ -250,9 +260,8 @@ def test_readme_and_results_have_the_means_of_the_scans_of_other_kinds() -> None
 
 
 def test_readme_and_results_have_the_means_of_the_scans_of_lungs() -> None:
-    cases = [of_case["clicks alone"] for of_case in summary("lung_nodules/own_scans")["cases"].values()]
-    first, second, third, fourth, fifth = (f"{sum(of[n]['dice'][0] for of in cases) / len(cases):.2f}" for n in "12345")
-    readme, results = (" ".join((ROOT / name).read_text(encoding="utf-8").split()) for name in ("README.md", "docs/RESULTS.md"))
+    first, second, third, fourth, fifth = means_of("lung_nodules/own_scans")
+    readme, results = readme_and_results()
     assert f"the mean is {first}, {third} and {fifth}." in readme
     assert f"the mean Dice of the seven is {first}, {second}, {third}, {fourth} and {fifth} after one to five clicks" in results
 
