@@ -14,8 +14,8 @@ of interest, and those that turn out to are dropped.
 The kernel k says how alike two places are (`place_kernel`). Where p is an annotated point, it is multiplied by
 (1 − b) + b C_p(x), with C_p how nearly x is joined to p by intensities, and between two points by
 √((1 − b)(1 − b′)) + √(b b′) C (`connected_points`). Later points of a class reach less far where they look unlike those before
-them, and negative ones where they look like the class (`point_reach`). Points at rims are looked at beside
-themselves (`point_places`). What is walled in with a positive point is raised (`closed_structures`).
+them, and negative ones where they look like the class (`point_reach`). Points at rims are looked at beside themselves
+(`point_places`). What is walled in with a positive point is raised (`closed_structures`).
 """
 
 from __future__ import annotations

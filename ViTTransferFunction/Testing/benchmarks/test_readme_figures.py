@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -118,15 +118,13 @@ def summary(name: str) -> dict[str, Any]:
     return found
 
 
-def means_of(name: str) -> list[str]:
-    """The mean Dice of all scans after one to five clicks."""
-    cases = [of_case["clicks alone"] for of_case in summary(name)["cases"].values()]
-    return [figure(sum(of[n]["dice"][0] for of in cases) / len(cases), None) for n in "12345"]
+def means(cases: Collection[dict[str, Any]], clicks: str = "12345") -> list[str]:
+    """The mean Dice of cases after so many clicks."""
+    return [figure(sum(case["clicks alone"][n]["dice"][0] for case in cases) / len(cases), None) for n in clicks]
 
 
-def readme_and_results() -> list[str]:
-    """Their texts, each as one line."""
-    return [" ".join((ROOT / name).read_text(encoding="utf-8").split()) for name in ("README.md", "docs/RESULTS.md")]
+def one_line(document: str) -> str:
+    return " ".join((ROOT / document).read_text(encoding="utf-8").split())
 
 
 def figure(mean: float, spread: float | None, *, digits: int = 2) -> str:
@@ -186,7 +184,7 @@ def test_method_has_what_eq_1_and_the_guided_filter_were_measured_to_have_last()
         return ", ".join(figure(measured[scan][method]["5"][0], None, digits=3) for scan in scans)
 
     raw, whitened = three("Eq. 1, raw features"), three("Eq. 1, whitened features")
-    text = " ".join((ROOT / "docs/METHOD.md").read_text(encoding="utf-8").split())
+    text = one_line("docs/METHOD.md")
     for told in (
         f"given our clicks: raw {raw}; whitened {whitened}.",
         f"Eq. 1 on whitened features, given the same clicks, has {whitened} (",
@@ -218,8 +216,8 @@ def test_readme_has_the_accuracy_on_scans_not_looked_at_before() -> None:
 
 
 def test_readme_and_results_have_the_mean_of_the_scans_not_looked_at_before() -> None:
-    first, second, third, fourth, fifth = means_of("own_scans")
-    readme, results = readme_and_results()
+    first, second, third, fourth, fifth = means(summary("own_scans")["cases"].values())
+    readme, results = one_line("README.md"), one_line("docs/RESULTS.md")
     assert f"the mean is {first} after one click, {third} after three and {fifth} after five" in readme
     assert f"the mean Dice is {first}, {third} and {fifth} after one, three and five clicks" in results
     assert f"is {first}, {second}, {third}, {fourth} and {fifth} after one to five clicks" in results
@@ -241,11 +239,8 @@ def test_results_have_the_accuracy_on_scans_that_others_labelled(results: str, s
 
 def test_readme_and_results_have_the_means_of_the_scans_of_other_kinds() -> None:
     cases = summary("other_kinds/own_scans")["cases"]
-    readme, results = readme_and_results()
-    scans, others = ([case for case in cases if (case in NO_CT_NOR_MR) == other] for other in (False, True))
-
-    def means(of: list[str], clicks: str) -> list[str]:
-        return [f"{sum(cases[case]['clicks alone'][n]['dice'][0] for case in of) / len(of):.2f}" for n in clicks]
+    readme, results = one_line("README.md"), one_line("docs/RESULTS.md")
+    scans, others = ([cases[name] for name in cases if (name in NO_CT_NOR_MR) == other] for other in (False, True))
 
     def listed(figures: list[str]) -> str:
         return f"{', '.join(figures[:-1])} and {figures[-1]}"
@@ -254,14 +249,14 @@ def test_readme_and_results_have_the_means_of_the_scans_of_other_kinds() -> None
     assert f"the four others is {listed(means(others, '12345'))}." in results
     assert f"it is {listed(means(scans, '135'))}, on PET, SPECT and ultrasound {listed(means(others, '135'))}." in results
     assert f"to a spinal cord, {listed(means(scans, '135'))}." in readme
-    *functional, ultrasound = NO_CT_NOR_MR
+    *functional, ultrasound = (cases[name] for name in NO_CT_NOR_MR)
     assert f"in two PETs and a SPECT the mean was {means(functional, '5')[0]} after five clicks" in readme
     assert f"the one that was tried, with {means([ultrasound], '5')[0]}." in readme
 
 
 def test_readme_and_results_have_the_means_of_the_scans_of_lungs() -> None:
-    first, second, third, fourth, fifth = means_of("lung_nodules/own_scans")
-    readme, results = readme_and_results()
+    first, second, third, fourth, fifth = means(summary("lung_nodules/own_scans")["cases"].values())
+    readme, results = one_line("README.md"), one_line("docs/RESULTS.md")
     assert f"the mean is {first}, {third} and {fifth}." in readme
     assert f"the mean Dice of the seven is {first}, {second}, {third}, {fourth} and {fifth} after one to five clicks" in results
 
@@ -325,7 +320,7 @@ def test_readme_has_what_a_closer_look_that_begins_by_itself_is_worth() -> None:
     structures = {(run["case"], run["structure"]) for run in begins}
     before, after = (of_all[way] for way in ("whole scan", "looked at closely"))
     assert len(begins) == of_all["outlines"]
-    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    text = one_line("README.md")
     assert (
         f"For {len(begins)} such outlines of {len(structures)} structures the mean Dice is {after['1']:.2f} instead of "
         f"{before['1']:.2f}, and after two clicks more {after['3']:.2f} instead of {before['3']:.2f}"
@@ -352,4 +347,4 @@ def test_results_and_method_have_the_times_of_the_solver_that_were_measured_last
         ("docs/RESULTS.md", f"| 256³ | {nearest} | {ours} | {published} |"),
         ("docs/METHOD.md", f"At 256³ the solver takes {ours}, and the published algorithm {published} ("),
     ):
-        assert told in " ".join((ROOT / document).read_text(encoding="utf-8").split()), document
+        assert told in one_line(document), document

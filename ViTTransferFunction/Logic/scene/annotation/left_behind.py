@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import slicer
-import vtk
 
 from ...core.system.errors import InputError
 from ..classes.volume_histories import Classes
@@ -18,7 +17,7 @@ from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
 from ..interface.wording import left_behind_text
 from ..mrml.point_lists import Point
-from ..mrml.transforms import matrix_to_world, numpy_matrix
+from ..mrml.transforms import matrix_to_world
 from ..segments.labelmaps import labelmaps_of
 from ..segments.segment_tags import segments_of_classes
 from ..volumes.volume_content import content_of
@@ -120,10 +119,9 @@ class LeftBehind:
         labelmaps = labelmaps_of(node.GetSegmentation(), ids.values())
         if not labelmaps:
             return None
-        image_to_local = vtk.vtkMatrix4x4()
-        labelmaps[0].image.GetImageToWorldMatrix(image_to_local)
         try:
-            return np.asarray(matrix_to_world(node) @ numpy_matrix(image_to_local))
+            # The grid stays where it is while segments are edited on it.
+            return np.asarray(matrix_to_world(node) @ labelmaps[0].grid_to_local)
         except InputError:
             return None
 

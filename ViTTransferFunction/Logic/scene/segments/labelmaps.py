@@ -36,13 +36,18 @@ class Labelmap:
         return vtk_to_numpy(self.image.GetPointData().GetScalars()).reshape(self.image.GetDimensions()[::-1])
 
     @property
-    def geometry(self) -> Geometry:
-        """Of the voxels, in the segmentation's local frame."""
+    def grid_to_local(self) -> np.ndarray:
+        """From indices (i, j, k) of its grid to the segmentation's local frame, 4×4; its voxels lie anywhere on the grid."""
         image_to_world = vtk.vtkMatrix4x4()
         self.image.GetImageToWorldMatrix(image_to_world)
+        return numpy_matrix(image_to_world)
+
+    @property
+    def geometry(self) -> Geometry:
+        """Of the voxels, in the segmentation's local frame."""
         extent = self.image.GetExtent()
         k, j, i = (slice(extent[2 * axis], extent[2 * axis + 1] + 1) for axis in (2, 1, 0))
-        return Geometry((0, 0, 0), numpy_matrix(image_to_world)).part((k, j, i))
+        return Geometry((0, 0, 0), self.grid_to_local).part((k, j, i))
 
 
 def labelmaps_of(segmentation: Any, segment_ids: Collection[str]) -> list[Labelmap]:
