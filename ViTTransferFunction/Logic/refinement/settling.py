@@ -16,6 +16,7 @@ from ..core.volumes.geometry import Box
 from ..core.volumes.intensity_window import IntensityWindow
 from ..core.volumes.volume import Volume
 from ..core.volumes.voxel_map import VoxelMap
+from .half_height import BlockGrid, at_half_height
 from .neighbourhood_sums import WHOLE
 from .refinement import cell_voxels, class_window, surroundings
 from .threshold_dynamics import Mark, settled
@@ -59,7 +60,11 @@ def settle(
     inside = part >= threshold
     marks = [*_marks(negative_ras, False, box, volume, voxels), *_marks(positive_ras, True, box, volume, voxels)]
     window = class_window(volume, display, positive_ras)
-    for layers, now, sums in settled(inside, volume.array[box], window, marks, between):
+    smooth = np.empty_like(inside)
+    for layers, now in settled(inside, volume.array[box], window, marks, between):
+        smooth[layers] = now
+    grid = BlockGrid.of(volume.geometry.spacing_mm[::-1], box)
+    for layers, now, sums in at_half_height(smooth, volume.array[box], grid, display, marks, between):
         _change_sides(part[layers], inside[layers], now, sums, threshold)
     return voxels.changed_in(box)
 

@@ -16,16 +16,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..core.system.progress import Between, nothing_between
+from ..core.volumes.geometry import Box
 from ..core.volumes.intensity_window import IntensityWindow
 from ..core.volumes.torch_arrays import array_of, tensor_of
 from .intensity_histograms import BINS, bins_of, density
+from .intensity_lookup import looked_up
 from .neighbourhood_sums import REACH, WHOLE, neighbourhood_sums, updated_sums
+from .parts import parts
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -66,6 +69,22 @@ class Mark:
         k, j, i = self.centre
         return replace(self, centre=(k - layers.start, j, i))
 
+    @property
+    def voxel(self) -> tuple[int, int, int]:
+        """The voxel that holds the centre, (k, j, i)."""
+        k, j, i = (math.floor(at + 0.5) for at in self.centre)
+        return k, j, i
+
+    def known_of(self, shape: tuple[int, ...]) -> tuple[Box, np.ndarray]:
+        """A box of a volume of `shape` (K, J, I), and which of its voxels are known, bool of the box's shape."""
+        k, j, i = (
+            slice(*(min(max(end, 0), n) for end in (math.ceil(at - radius), math.floor(at + radius) + 1)))
+            for at, radius, n in zip(self.centre, self.radii, shape, strict=True)
+        )
+        offsets = np.ogrid[k, j, i]
+        away = sum(((x - at) / radius) ** 2 for x, at, radius in zip(offsets, self.centre, self.radii, strict=True))
+        return (k, j, i), np.asarray(away <= 1.0)
+
 
 def settled(
     mask: np.ndarray,
@@ -73,7 +92,7 @@ def settled(
     window: IntensityWindow,
     marks: Sequence[Mark] = (),
     between: Between = nothing_between,
-) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+) -> Iterator[tuple[slice, np.ndarray]]:
     """A mask after `STEPS` steps, some layers after the other, so that little but the mask is held at once.
 
     Args:
@@ -85,90 +104,46 @@ def settled(
         between: called between short steps; may raise `Cancelled`.
 
     Yields:
-        Layers along K; the mask there, (layers, J, I) bool; and how much of each voxel's neighbourhood it is, g times `WHOLE`,
-        int16 of the same shape.
+        Layers along K, and the mask there, (layers, J, I) bool.
     """
     import torch
 
     from .workers import Workers
 
     before = tensor_of(np.ascontiguousarray(mask)).view(torch.uint8)
-    parts = _parts(mask.shape)
+    in_turn = parts(mask.shape, _VOXELS_HELD, STEPS * REACH)
     with Workers(torch.device("cpu"), mask.size, between) as workers:
         # Most masks are one part, whose sums are found once for the level and the steps.
-        sums_of = lru_cache(maxsize=1)(lambda n: neighbourhood_sums(before[parts[n].around], workers))
-        level = _level(int(mask.sum()), lambda: (sums_of(n)[part.within] for n, part in enumerate(parts)))
-        bins = _bins(intensities, window, workers)
+        sums_of = lru_cache(maxsize=1)(lambda n: neighbourhood_sums(before[in_turn[n].around], workers))
+        level = _level(int(mask.sum()), lambda: (sums_of(n)[part.within] for n, part in enumerate(in_turn)))
+        bins = looked_up(intensities, partial(_known_bins_of, window=window), np.uint8, workers)
         least_of_bin = _least_sums(bins, mask, level)
-        for n, part in enumerate(parts):
+        for n, part in enumerate(in_turn):
             least = np.take(least_of_bin, bins[part.around])
             _set_marks(least, [mark.in_layers(part.around) for mark in marks])
-            now, sums = _after_steps(before[part.around], sums_of(n), least, workers)
-            yield part.layers, array_of(now[part.within]).view(bool), array_of(sums[part.within])
+            now = _after_steps(before[part.around], sums_of(n), least, workers)
+            yield part.layers, array_of(now[part.within]).view(bool)
 
 
-def _after_steps(mask: Tensor, sums: Tensor, least: np.ndarray, workers: Workers) -> tuple[Tensor, Tensor]:
-    """A mask (K, J, I) uint8 after all steps, and its G * m times `WHOLE`, from that before, which is changed."""
+def _after_steps(mask: Tensor, sums: Tensor, least: np.ndarray, workers: Workers) -> Tensor:
+    """A mask (K, J, I) uint8 after all steps. Its G * m times `WHOLE` before them, `sums`, are changed."""
     import torch
 
+    changed = np.empty(0, dtype=np.int64)
     for _ in range(STEPS):
         workers.between()
+        if len(changed):
+            sums = updated_sums(sums, mask, changed, workers)
         now = array_of(sums) >= least
         changed = np.flatnonzero(now != array_of(mask).view(bool))
         if not len(changed):
             break
         mask = tensor_of(now).view(torch.uint8)
-        sums = updated_sums(sums, mask, changed, workers)
-    return mask, sums
-
-
-class _Part(NamedTuple):
-    """Some layers along K, and as many around them as steps reach.
-
-    Attributes:
-        layers: of the mask.
-        around: the same and those around them.
-        within: the layers, in those around.
-    """
-
-    layers: slice
-    around: slice
-    within: slice
-
-
-def _parts(shape: tuple[int, ...]) -> list[_Part]:
-    """All of a mask, `_VOXELS_HELD` at a time, and one layer at least."""
-    # A step reaches so far, and so does the sum after the last one: within the layers, nothing is cut off.
-    reach = (STEPS + 1) * REACH
-    count = max(_VOXELS_HELD // (shape[1] * shape[2]), 1)
-    parts = []
-    for start in range(0, shape[0], count):
-        stop, first = min(start + count, shape[0]), max(start - reach, 0)
-        around = slice(first, min(stop + reach, shape[0]))
-        parts.append(_Part(slice(start, stop), around, slice(start - first, stop - first)))
-    return parts
-
-
-def _bins(intensities: np.ndarray, window: IntensityWindow, workers: Workers) -> np.ndarray:
-    """The bin of each voxel's intensity, (K, J, I) uint8."""
-    bins = np.empty(intensities.shape, dtype=np.uint8)
-    known = None
-    if intensities.dtype in (np.int16, np.uint16, np.int8, np.uint8):
-        # Looked up, several times as fast as computed; negative ones count from the table's end, as indices do.
-        values = np.arange(2 ** (8 * intensities.dtype.itemsize), dtype=np.int64).astype(intensities.dtype)
-        known = _known_bins_of(values, window)
-
-    def look_up(slices: Sequence[int]) -> None:
-        for k in slices:
-            workers.between()
-            bins[k] = _known_bins_of(intensities[k], window) if known is None else known[intensities[k]]
-
-    workers.share_out(range(len(bins)), look_up)
-    return bins
+    return mask
 
 
 def _known_bins_of(intensities: np.ndarray, window: IntensityWindow) -> np.ndarray:
-    """The bins of some intensities, uint8 of their shape."""
+    """The bins of intensities, uint8 of their shape."""
     bins = bins_of(intensities, window)
     bins[~np.isfinite(intensities)] = _UNKNOWN
     return bins
@@ -210,15 +185,9 @@ def _set_marks(least: np.ndarray, marks: Sequence[Mark]) -> None:
     Around a mark, one neighbour on its side is enough, and its own voxel needs none: what is known spreads from there.
     """
     for mark in marks:
-        box = tuple(
-            slice(max(int(np.ceil(at - radius)), 0), max(int(np.floor(at + radius)) + 1, 0))
-            for at, radius in zip(mark.centre, mark.radii, strict=True)
-        )
-        part = least[box]
-        offsets = np.ogrid[tuple(slice(extent.start, extent.start + n) for extent, n in zip(box, part.shape, strict=True))]
-        away = sum(((x - at) / radius) ** 2 for x, at, radius in zip(offsets, mark.centre, mark.radii, strict=True))
-        part[away <= 1.0] = 1 if mark.inside else WHOLE
+        box, known = mark.known_of(least.shape)
+        least[box][known] = 1 if mark.inside else WHOLE
     for mark in marks:
-        voxel = tuple(math.floor(at + 0.5) for at in mark.centre)
+        voxel = mark.voxel
         if all(0 <= x < n for x, n in zip(voxel, least.shape, strict=True)):
             least[voxel] = 0 if mark.inside else WHOLE + 1

@@ -7,12 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import torch
-from scipy import ndimage
 
 from ViTTransferFunction.Logic.core.system.errors import Cancelled
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.refinement import threshold_dynamics, workers
-from ViTTransferFunction.Logic.refinement.neighbourhood_sums import WHOLE
 from ViTTransferFunction.Logic.refinement.threshold_dynamics import Mark, settled
 from ViTTransferFunction.Testing.support.masks import box_mask, dice
 from ViTTransferFunction.Testing.support.volumes import volume_of
@@ -33,14 +31,10 @@ def scan_of(inside: np.ndarray, noise: float) -> np.ndarray:
 
 
 def after(mask: np.ndarray, scan: np.ndarray, *marks: Mark) -> np.ndarray:
-    return together(mask, scan, *marks)[0]
-
-
-def together(mask: np.ndarray, scan: np.ndarray, *marks: Mark) -> tuple[np.ndarray, np.ndarray]:
-    """The settled mask and its sums, of all layers."""
-    layers, masks, sums = zip(*settled(mask, scan, WINDOW, marks), strict=True)
+    """The settled mask, of all layers."""
+    layers, masks = zip(*settled(mask, scan, WINDOW, marks), strict=True)
     assert [n for some in layers for n in range(some.start, some.stop)] == list(range(len(mask)))
-    return np.concatenate(masks), np.concatenate(sums)
+    return np.concatenate(masks)
 
 
 @pytest.fixture
@@ -126,13 +120,6 @@ def test_a_mark_between_two_voxels_is_of_the_one_that_holds_its_point(monkeypatc
     np.testing.assert_array_equal(np.argwhere(marked & ~ball(8.0)), held)
 
 
-def test_the_share_of_the_neighbourhood_is_that_of_a_gaussian_of_one_voxel() -> None:
-    truth = ball(11.0)
-    mask, sums = together(truth, scan_of(truth, 20.0))
-    assert sums.dtype == np.int16
-    np.testing.assert_allclose(sums / WHOLE, ndimage.gaussian_filter(mask.astype(float), 1.0, mode="nearest"), atol=0.03)
-
-
 def test_the_mask_is_left_as_it_was_however_it_is_stored(two_threads: None) -> None:
     truth, scan = ball(11.0), scan_of(ball(11.0), 20.0)
     expected = after(ball(9.0), scan)
@@ -163,8 +150,6 @@ def test_in_how_many_parts_it_is_done_makes_no_difference(monkeypatch: pytest.Mo
     marks = [Mark((17.0, 4.6, 17.0), (3.0, 3.0, 3.0), True), Mark((20.2, 18.0, 12.0), (2.2, 2.2, 2.2), False)]
     for mask in (ball(9.0), sheet):
         monkeypatch.undo()
-        expected = together(mask, scan_of(ball(11.0) | sheet, noise), *marks)
+        expected = after(mask, scan_of(ball(11.0) | sheet, noise), *marks)
         monkeypatch.setattr(threshold_dynamics, "_VOXELS_HELD", voxels)
-        found = together(mask, scan_of(ball(11.0) | sheet, noise), *marks)
-        np.testing.assert_array_equal(found[0], expected[0])
-        np.testing.assert_array_equal(found[1], expected[1])
+        np.testing.assert_array_equal(after(mask, scan_of(ball(11.0) | sheet, noise), *marks), expected)

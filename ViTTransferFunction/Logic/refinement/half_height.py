@@ -1,0 +1,288 @@
+"""Surfaces at strong edges lie halfway up: where a voxel has as much of one side as of the other.
+
+Where tissue ends at lung, gas or air, voxels between the two hold some of both. They are like neither, so that densities
+learned from the two sides say little of them, and what is small loses them. A voxel is half inside where its intensity is
+halfway between those of both sides, and what these are is seen nearby (Lankton, Tannenbaum, 2008):
+
+    m'(x) = [ (u_x − (c₁ + c₂) / 2) (c₁ − c₂) > 0 ],    c₁ = G * (u m) / G * m,    c₂ = G * (u (1 − m)) / G * (1 − m)
+
+Strong are edges that a person sees as grey next to black or white: c₁ and c₂ differ by more than the whole display window.
+Grey voxels, whose intensities lie in that window, are as often other tissue as a mixture: fat and diaphragm between spleen
+and lung. They move only where one of the sides has hardly any grey, as lung around a nodule has.
+
+G is a box of some millimetres, made of blocks of voxels, and all sums are whole numbers: neither the order in memory nor the
+parts in which it is done make a difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.system.progress import Between, nothing_between
+from ..core.volumes.geometry import Box
+from ..core.volumes.intensity_window import IntensityWindow
+from ..core.volumes.torch_arrays import array_of, tensor_of
+from .neighbourhood_sums import REACH, neighbourhood_sums
+from .parts import parts
+from .threshold_dynamics import Mark
+from .window_sums import block_sums, window_sums
+
+STEPS = 3
+STRONG = 1.0
+"""By how much the sides differ at a strong edge, in widths of the display window."""
+SMALLEST_SHARE = 0.2
+"""Of a neighbourhood, that each side has where a surface runs, unless that divides the block in the middle."""
+HARDLY_GREY = 0.25
+"""Up to this share of a side's voxels."""
+BLOCK_MM = 2.5
+"""Edge of the blocks; a neighbourhood is three of them wide."""
+_LARGEST_BLOCK = 4
+"""Voxels: where these are very small, an edge is hardly wider than elsewhere."""
+_LEVELS_PER_WIDTH = 600
+_WIDTHS_AROUND = 2.5
+"""Beyond the display window, on either side, intensities are told apart, in its widths: metal is as white as bone."""
+_VOXELS_HELD = 2**23
+"""Steps are made in so many at once; of those near the surface, dozens of bytes each are held."""
+
+
+@dataclass(frozen=True)
+class BlockGrid:
+    """Blocks of a volume's voxels.
+
+    Attributes:
+        edges: of a block, along (K, J, I), in voxels.
+        before: voxels of the first blocks that lie before the part of the volume that is looked at, along (K, J, I).
+    """
+
+    edges: tuple[int, int, int]
+    before: tuple[int, int, int]
+
+    @classmethod
+    def of(cls, spacing_mm: np.ndarray, box: Box) -> BlockGrid:
+        """Those that begin with a volume's first voxel, in a box of it; spacing along (K, J, I)."""
+        k, j, i = np.clip(np.rint(BLOCK_MM / spacing_mm), 1, _LARGEST_BLOCK).astype(int).tolist()
+        return cls((k, j, i), (box[0].start % k, box[1].start % j, box[2].start % i))
+
+    def in_layers(self, layers: slice) -> BlockGrid:
+        """The same in some layers of what is looked at."""
+        k, j, i = self.before
+        return BlockGrid(self.edges, ((k + layers.start) % self.edges[0], j, i))
+
+
+def at_half_height(
+    mask: np.ndarray,
+    intensities: np.ndarray,
+    grid: BlockGrid,
+    display: IntensityWindow,
+    marks: Sequence[Mark] = (),
+    between: Between = nothing_between,
+) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+    """A mask whose surface was moved halfway up where edges are strong, some layers after the other.
+
+    Args:
+        mask: (K, J, I) bool. It must stay as it is meanwhile.
+        intensities: (K, J, I), any real dtype; a voxel that is not finite stays on its side.
+        grid: the blocks in which neighbourhoods are looked at.
+        display: the window in which a person would look at the intensities.
+        marks: places that stay on their side.
+        between: called between short steps; may raise `Cancelled`.
+
+    Yields:
+        Layers along K; the mask there, (layers, J, I) bool; and how much of each voxel's neighbourhood it is, g of
+        `threshold_dynamics` times `WHOLE`, int16 of the same shape.
+    """
+    import torch
+
+    from .workers import Workers
+
+    # A step looks at a block and those around it, the sums at what is around that.
+    reach = STEPS * 2 * grid.edges[0] + REACH
+    with Workers(torch.device("cpu"), mask.size, between) as workers:
+        for part in parts(mask.shape, _VOXELS_HELD, reach):
+            around = part.around
+            held = [mark.in_layers(around) for mark in marks]
+            now = _after_steps(mask[around], intensities[around], grid.in_layers(around), display, held, workers.between)
+            sums = neighbourhood_sums(tensor_of(now).view(torch.uint8), workers)
+            yield part.layers, now[part.within], array_of(sums[part.within])
+
+
+def _after_steps(
+    mask: np.ndarray,
+    intensities: np.ndarray,
+    grid: BlockGrid,
+    display: IntensityWindow,
+    marks: Sequence[Mark],
+    between: Between,
+) -> np.ndarray:
+    """A mask (K, J, I) after all steps."""
+    between()
+    shell = _shell_of(mask, grid)
+    found = intensities[shell.voxels]
+    known = shell.exist & np.isfinite(found)
+    may_move = known & ~_held(marks, mask.shape)[shell.voxels]
+    levels, before = _levels_of(found, display), known & mask[shell.voxels]
+    inside, of_inside, of_all = before.copy(), _sums(before, levels), _sums(known, levels)
+    around = shell.around(of_all, between)
+    for _ in range(STEPS):
+        divided = (of_inside[:, 0] > 0) & (of_inside[:, 0] < of_all[:, 0])
+        edges = _strong_edges(shell.around(of_inside, between), around, divided[shell.moving])
+        at = shell.moving[edges.which]
+        moves = may_move[at] & (edges.join(levels[at]) != inside[at]) & edges.let_move(levels[at])
+        if not moves.any():
+            break
+        inside[at] ^= moves
+        of_inside[at] = _sums(inside[at], levels[at])
+    now: np.ndarray = mask.copy()
+    changed = np.nonzero(inside != before)
+    now[shell.indices(changed)] = inside[changed]
+    return now
+
+
+class _Shell(NamedTuple):
+    """The N blocks near a surface, and the M among them in whose neighbourhoods there is something of both sides.
+
+    Attributes:
+        voxels: of the N blocks: indices along K, J and I, of shapes (N, k, 1, 1), (N, 1, j, 1) and (N, 1, 1, i).
+        exist: (N, k, j, i) bool, whether the volume has these voxels; where it has not, `voxels` are others.
+        moving: (M,) which of the N blocks these are.
+        neighbours: (27, M) which blocks are in their neighbourhoods; N for those beyond the volume.
+    """
+
+    voxels: tuple[np.ndarray, ...]
+    exist: np.ndarray
+    moving: np.ndarray
+    neighbours: np.ndarray
+
+    def around(self, sums: np.ndarray, between: Between) -> np.ndarray:
+        """Sums of the N blocks (N, 3), added up over the neighbourhoods of the M, (M, 3) int64."""
+        and_nothing = np.concatenate([sums, np.zeros((1, 3), dtype=np.int64)])
+        added = np.zeros((len(self.moving), 3), dtype=np.int64)
+        for neighbour in self.neighbours:
+            between()
+            added += and_nothing.take(neighbour, axis=0)
+        return added
+
+    def indices(self, some: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+        """Indices along K, J and I of some of the voxels, (N, k, j, i)."""
+        which, k, j, i = some
+        along_k, along_j, along_i = self.voxels
+        return along_k[which, k, 0, 0], along_j[which, 0, j, 0], along_i[which, 0, 0, i]
+
+
+def _shell_of(mask: np.ndarray, grid: BlockGrid) -> _Shell:
+    """The blocks near the surface of a mask (K, J, I)."""
+    near = _has_both_sides(mask, grid)
+    blocks = np.argwhere(_are_around(near))
+    near = np.pad(near, 1)
+    row = np.full(near.shape, len(blocks), dtype=np.int32)
+    row[tuple(blocks.T + 1)] = np.arange(len(blocks))
+    moving = np.flatnonzero(near[tuple(blocks.T + 1)])
+    first = np.ravel_multi_index(tuple(blocks[moving].T), near.shape)
+    steps = np.asarray(np.ravel_multi_index(tuple(np.indices((3, 3, 3)).reshape(3, -1)), near.shape))
+    voxels, exist = [], []
+    for axis, (n, edge, before) in enumerate(zip(mask.shape, grid.edges, grid.before, strict=True)):
+        shape = [len(blocks), 1, 1, 1]
+        shape[1 + axis] = edge
+        along = (blocks[:, axis, None] * edge - before + np.arange(edge)).reshape(shape)
+        voxels.append(along.clip(0, n - 1))
+        exist.append((along >= 0) & (along < n))
+    return _Shell(tuple(voxels), exist[0] & exist[1] & exist[2], moving, row.ravel()[first + steps[:, None]])
+
+
+def _has_both_sides(mask: np.ndarray, grid: BlockGrid) -> np.ndarray:
+    """Whether blocks have something of the inside and of the outside of a mask (K, J, I) around them, bool (K', J', I')."""
+    import torch
+
+    sides = []
+    for side in (mask, ~mask):
+        filled = tensor_of(np.pad(side, [(n, 0) for n in grid.before])).view(torch.uint8)
+        sides.append(_are_around(array_of(block_sums(filled, grid.edges)) > 0))
+    both: np.ndarray = sides[0] & sides[1]
+    return both
+
+
+def _are_around(blocks: np.ndarray) -> np.ndarray:
+    """Whether some blocks (K', J', I') bool are in the neighbourhood of each."""
+    import torch
+
+    return array_of(window_sums(tensor_of(blocks).view(torch.uint8), 1)) > 0
+
+
+def _held(marks: Sequence[Mark], shape: tuple[int, ...]) -> np.ndarray:
+    """What marks say of a volume's voxels, and so stays as it is, (K, J, I) bool."""
+    held = np.zeros(shape, dtype=bool)
+    for mark in marks:
+        box, known = mark.known_of(shape)
+        held[box] |= known
+        if all(0 <= x < n for x, n in zip(mark.voxel, shape, strict=True)):
+            held[mark.voxel] = True
+    return held
+
+
+class _StrongEdges(NamedTuple):
+    """Blocks in whose neighbourhoods the sides differ strongly, (E,).
+
+    Attributes:
+        which: of the M blocks that may change.
+        halfway: the level halfway between both sides.
+        brighter_inside: whether the inside is.
+        hardly_grey: whether one of the sides has hardly any grey.
+    """
+
+    which: np.ndarray
+    halfway: np.ndarray
+    brighter_inside: np.ndarray
+    hardly_grey: np.ndarray
+
+    def join(self, levels: np.ndarray) -> np.ndarray:
+        """Whether voxels of the blocks belong inside by their levels (E, k, j, i)."""
+        halfway, brighter_inside = self.halfway[:, None, None, None], self.brighter_inside[:, None, None, None]
+        return np.where(brighter_inside, levels > halfway, levels < halfway)
+
+    def let_move(self, levels: np.ndarray) -> np.ndarray:
+        """Whether voxels of the blocks may change sides by their levels (E, k, j, i)."""
+        may: np.ndarray = self.hardly_grey[:, None, None, None] | ~_is_grey(levels)
+        return may
+
+
+def _strong_edges(inside: np.ndarray, around: np.ndarray, divided: np.ndarray) -> _StrongEdges:
+    """Where edges at the surface are strong.
+
+    Args:
+        inside: sums of what is inside in M neighbourhoods, (M, 3); see `_sums`.
+        around: of all that is there.
+        divided: (M,) bool, whether the block in the middle has something of both sides itself, as of small structures.
+    """
+    share = inside[:, 0] / np.maximum(around[:, 0], 1)
+    here = np.flatnonzero(divided | ((share >= SMALLEST_SHARE) & (share <= 1.0 - SMALLEST_SHARE)))
+    of_inside, of_outside = inside[here], around[here] - inside[here]
+    (level_inside, grey_inside), (level_outside, grey_outside) = ((of[:, 1:] / of[:, :1]).T for of in (of_inside, of_outside))
+    strong = np.abs(level_inside - level_outside) > STRONG * _LEVELS_PER_WIDTH
+    halfway, hardly_grey = 0.5 * (level_inside + level_outside), np.minimum(grey_inside, grey_outside) <= HARDLY_GREY
+    return _StrongEdges(here[strong], halfway[strong], (level_inside > level_outside)[strong], hardly_grey[strong])
+
+
+def _sums(voxels: np.ndarray, levels: np.ndarray) -> np.ndarray:
+    """How many of some voxels (N, k, j, i) bool blocks have, the sum of their levels, and how many are grey: (N, 3) int32."""
+    within = 1, 2, 3
+    sums = voxels.sum(within), np.where(voxels, levels, 0).sum(within), (voxels & _is_grey(levels)).sum(within)
+    return np.stack(sums, axis=1).astype(np.int32)
+
+
+def _levels_of(intensities: np.ndarray, display: IntensityWindow) -> np.ndarray:
+    """Intensities of any shape as whole numbers from 0, int16; 0 also for those that are not finite."""
+    widths = np.nan_to_num((intensities.astype(np.float64) - display.low) / display.width)
+    levels = (np.clip(widths, -_WIDTHS_AROUND, 1.0 + _WIDTHS_AROUND) + _WIDTHS_AROUND) * _LEVELS_PER_WIDTH
+    rounded: np.ndarray = np.rint(levels).astype(np.int16)
+    return rounded
+
+
+def _is_grey(levels: np.ndarray) -> np.ndarray:
+    """Whether levels are of the display window, bool of their shape."""
+    black, white = _WIDTHS_AROUND * _LEVELS_PER_WIDTH, (_WIDTHS_AROUND + 1.0) * _LEVELS_PER_WIDTH
+    grey: np.ndarray = (levels >= black) & (levels <= white)
+    return grey
