@@ -8,7 +8,8 @@ halfway between those of both sides, and what these are is seen nearby (Lankton,
 
 Strong are edges that a person sees as grey next to black or white: c₁ and c₂ differ by more than the whole display window.
 Grey voxels, whose intensities lie in that window, are as often other tissue as a mixture: fat and diaphragm between spleen
-and lung. They move only where one of the sides has hardly any grey, as lung around a nodule has.
+and lung, or muscle between bone and lung. They move only where one side is almost all grey and the other has hardly any grey,
+as a nodule and the lung around it.
 
 G is a box of some millimetres, made of blocks of voxels, and all sums are whole numbers: neither the order in memory nor the
 parts in which it is done make a difference.
@@ -37,7 +38,7 @@ STRONG = 1.0
 SMALLEST_SHARE = 0.2
 """Of a neighbourhood, that each side has where a surface runs, unless that divides the block in the middle."""
 HARDLY_GREY = 0.25
-"""Up to this share of a side's voxels."""
+"""Up to this share of a side's voxels; from all but so many on, it is almost all grey."""
 BLOCK_MM = 2.5
 """Edge of the blocks; a neighbourhood is three of them wide."""
 _LARGEST_BLOCK = 4
@@ -158,9 +159,9 @@ class _Shell(NamedTuple):
     neighbours: np.ndarray
 
     def around(self, sums: np.ndarray, between: Between) -> np.ndarray:
-        """Sums of the N blocks (N, 3), added up over the neighbourhoods of the M, (M, 3) int64."""
-        and_nothing = np.concatenate([sums, np.zeros((1, 3), dtype=np.int64)])
-        added = np.zeros((len(self.moving), 3), dtype=np.int64)
+        """Sums of the N blocks (N, 3), added up over the neighbourhoods of the M, (M, 3) int32."""
+        and_nothing = np.concatenate([sums, np.zeros((1, 3), dtype=np.int32)])
+        added = np.zeros((len(self.moving), 3), dtype=np.int32)
         for neighbour in self.neighbours:
             between()
             added += and_nothing.take(neighbour, axis=0)
@@ -230,13 +231,13 @@ class _StrongEdges(NamedTuple):
         which: of the M blocks that may change.
         halfway: the level halfway between both sides.
         brighter_inside: whether the inside is.
-        hardly_grey: whether one of the sides has hardly any grey.
+        of_grey: whether one side is almost all grey and the other has hardly any.
     """
 
     which: np.ndarray
     halfway: np.ndarray
     brighter_inside: np.ndarray
-    hardly_grey: np.ndarray
+    of_grey: np.ndarray
 
     def join(self, levels: np.ndarray) -> np.ndarray:
         """Whether voxels of the blocks belong inside by their levels (E, k, j, i)."""
@@ -245,7 +246,7 @@ class _StrongEdges(NamedTuple):
 
     def let_move(self, levels: np.ndarray) -> np.ndarray:
         """Whether voxels of the blocks may change sides by their levels (E, k, j, i)."""
-        may: np.ndarray = self.hardly_grey[:, None, None, None] | ~_is_grey(levels)
+        may: np.ndarray = self.of_grey[:, None, None, None] | ~_is_grey(levels)
         return may
 
 
@@ -262,8 +263,10 @@ def _strong_edges(inside: np.ndarray, around: np.ndarray, divided: np.ndarray) -
     of_inside, of_outside = inside[here], around[here] - inside[here]
     (level_inside, grey_inside), (level_outside, grey_outside) = ((of[:, 1:] / of[:, :1]).T for of in (of_inside, of_outside))
     strong = np.abs(level_inside - level_outside) > STRONG * _LEVELS_PER_WIDTH
-    halfway, hardly_grey = 0.5 * (level_inside + level_outside), np.minimum(grey_inside, grey_outside) <= HARDLY_GREY
-    return _StrongEdges(here[strong], halfway[strong], (level_inside > level_outside)[strong], hardly_grey[strong])
+    less, more = np.minimum(grey_inside, grey_outside), np.maximum(grey_inside, grey_outside)
+    of_grey = (less <= HARDLY_GREY) & (more >= 1.0 - HARDLY_GREY)
+    halfway = 0.5 * (level_inside + level_outside)
+    return _StrongEdges(here[strong], halfway[strong], (level_inside > level_outside)[strong], of_grey[strong])
 
 
 def _sums(voxels: np.ndarray, levels: np.ndarray) -> np.ndarray:

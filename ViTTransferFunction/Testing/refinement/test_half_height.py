@@ -48,7 +48,7 @@ def together(
     return np.concatenate(masks), np.concatenate(sums)
 
 
-@pytest.mark.parametrize(("inside", "outside"), [(TISSUE, LUNG), (LUNG, TISSUE), (-1000.0, 0.0), (900.0, LUNG)])
+@pytest.mark.parametrize(("inside", "outside"), [(TISSUE, LUNG), (LUNG, TISSUE), (-1000.0, 0.0), (900.0, TISSUE)])
 @pytest.mark.parametrize("radius", [8.6, 11.4])
 def test_a_surface_beside_a_strong_edge_moves_halfway_up(inside: float, outside: float, radius: float) -> None:
     truth = ball(10.0)
@@ -83,6 +83,14 @@ def test_a_surface_stays_where_other_tissue_lies_between_the_sides() -> None:
     np.testing.assert_array_equal(after(organ, scan), organ)
     # It would move into the same intensities if these were a slope.
     assert dice(after(organ, scan_of(ball(11.0), blur=2.0)), ball(11.0)) > 0.95
+
+
+def test_a_surface_stays_where_muscle_lies_between_bone_and_lung() -> None:
+    bone, with_muscle = ball(10.0), ball(12.0)
+    scan = scan_of(with_muscle, noise=0.0)
+    scan[ball(11.0)] = TISSUE
+    scan[bone] = 400
+    np.testing.assert_array_equal(after(bone, scan), bone)
 
 
 def test_what_is_grey_on_both_sides_of_a_black_gap_stays() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -130,3 +131,44 @@ def test_what_has_joined_is_found_though_the_coarse_map_does_not_reach_there() -
     box = voxels.box_above(ISO)
     assert box is not None
     assert inside.sum() == inside[box].sum()
+
+
+LUNG_CT = IntensityWindow(-160.0, 240.0)
+
+
+def nodule_and_map() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A nodule in lung, its edge blurred, what is half of it and more, and a map that ends where it begins to be lung."""
+    axis = np.arange(EDGE) - 20.0
+    sharp = (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2) < 7.0**2
+    share = ndimage.gaussian_filter(sharp.astype(float), 1.0)
+    scan = -850.0 + 880.0 * share + np.random.default_rng(0).normal(0.0, 20.0, share.shape)
+    return scan.astype(np.float32), share > 0.5, np.clip(share - 0.4, 0.0, 1.0).astype(np.float32)
+
+
+def settled_nodule(negative: np.ndarray = NO_POINTS) -> np.ndarray:
+    scan, _, array = nodule_and_map()
+    voxels = held_whole(array)
+    settle(voxels, volume_of(scan), LUNG_CT, CENTRE, negative, ISO)
+    return voxels.held
+
+
+def test_a_nodule_in_lung_ends_halfway_up_its_edge() -> None:
+    _, truth, array = nodule_and_map()
+    assert dice(array >= ISO, truth) < 0.8
+    assert dice(settled_nodule() >= ISO, truth) > 0.97
+
+
+def test_sizes_of_a_nodule_nest_and_take_back_gradually_what_it_got() -> None:
+    _, _, array = nodule_and_map()
+    settled = settled_nodule()
+    got = (settled >= ISO) & (array < ISO)
+    counts = [int((settled[got] >= iso).sum()) for iso in np.linspace(ISO, 1.7 * ISO, 8)]
+    assert counts == sorted(counts, reverse=True)
+    assert counts[-1] < 0.1 * counts[0]
+    assert max(before - after for before, after in pairwise(counts)) < 0.5 * counts[0]
+
+
+def test_a_point_on_the_edge_of_a_nodule_stays_outside() -> None:
+    at = np.array([[20.0, 20.0, 26.0]])
+    assert settled_nodule()[26, 20, 20] >= ISO
+    assert settled_nodule(at)[26, 20, 20] < ISO
