@@ -46,8 +46,8 @@ _LARGEST_BLOCK = 4
 _LEVELS_PER_WIDTH = 600
 _WIDTHS_AROUND = 2.5
 """Beyond the display window, on either side, intensities are told apart, in its widths: metal is as white as bone."""
-_VOXELS_HELD = 2**23
-"""Steps are made in so many at once; of those near the surface, dozens of bytes each are held."""
+_VOXELS_HELD = 2**24
+"""Steps are made in so many at once, for which half a dozen bytes each are held, and dozens near the surface."""
 
 
 @dataclass(frozen=True)

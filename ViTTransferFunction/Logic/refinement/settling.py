@@ -2,7 +2,8 @@
 
 The bilateral solver reads each voxel's answer by that voxel's intensity, and so writes the scan's noise into the surface; where
 a map ends before its structure does, nothing carries it on; and a point that its own cell speaks against may be left on the
-wrong side. Threshold dynamics (`threshold_dynamics`) put all three right.
+wrong side. Threshold dynamics (`threshold_dynamics`) put all three right. What is half lung and half tissue is like neither to
+them; there the surface moves halfway up the edge afterwards (`half_height`).
 """
 
 from __future__ import annotations
@@ -57,15 +58,14 @@ def settle(
     if box is None:
         return voxels
     part = voxels.held[within(box, voxels.box)]
-    inside = part >= threshold
+    intensities, window = volume.array[box], class_window(volume, display, positive_ras)
     marks = [*_marks(negative_ras, False, box, volume, voxels), *_marks(positive_ras, True, box, volume, voxels)]
-    window = class_window(volume, display, positive_ras)
-    smooth = np.empty_like(inside)
-    for layers, now in settled(inside, volume.array[box], window, marks, between):
+    smooth = np.empty(part.shape, dtype=bool)
+    for layers, now in settled(part >= threshold, intensities, window, marks, between):
         smooth[layers] = now
     grid = BlockGrid.of(volume.geometry.spacing_mm[::-1], box)
-    for layers, now, sums in at_half_height(smooth, volume.array[box], grid, display, marks, between):
-        _change_sides(part[layers], inside[layers], now, sums, threshold)
+    for layers, now, sums in at_half_height(smooth, intensities, grid, display, marks, between):
+        _change_sides(part[layers], now, sums, threshold)
     return voxels.changed_in(box)
 
 
@@ -81,8 +81,9 @@ def _box_around(voxels: VoxelMap, threshold: np.float32) -> Box | None:
     return grown(out_of(inside, searched), surroundings(voxels.shape, voxels.coarse.shape), voxels.box)
 
 
-def _change_sides(part: np.ndarray, before: np.ndarray, now: np.ndarray, sums: np.ndarray, threshold: np.float32) -> None:
-    """Give voxels of a map (K, J, I) that changed sides values on their new one; see `settled` for `now` and `sums`."""
+def _change_sides(part: np.ndarray, now: np.ndarray, sums: np.ndarray, threshold: np.float32) -> None:
+    """Give voxels of a map (K, J, I) that changed sides values on their new one; see `at_half_height` for `now` and `sums`."""
+    before = part >= threshold
     joined, left = now & ~before, before & ~now
     # From the threshold up to that of the smaller proposal, and down to that of the larger one.
     surrounded, alone = np.maximum(2.0 * _share(sums[joined]) - 1.0, 0.0), np.maximum(1.0 - 2.0 * _share(sums[left]), 0.0)
