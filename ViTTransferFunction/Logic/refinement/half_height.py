@@ -191,7 +191,8 @@ def _shell_of(mask: np.ndarray, grid: BlockGrid) -> _Shell:
         along = (blocks[:, axis, None] * edge - before + np.arange(edge)).reshape(shape)
         voxels.append(along.clip(0, n - 1))
         exist.append((along >= 0) & (along < n))
-    return _Shell(tuple(voxels), exist[0] & exist[1] & exist[2], moving, row.ravel()[first + steps[:, None]])
+    neighbours = np.stack([row.ravel()[first + step] for step in steps])
+    return _Shell(tuple(voxels), exist[0] & exist[1] & exist[2], moving, neighbours)
 
 
 def _has_both_sides(mask: np.ndarray, grid: BlockGrid) -> np.ndarray:
@@ -277,10 +278,15 @@ def _sums(voxels: np.ndarray, levels: np.ndarray) -> np.ndarray:
 
 
 def _levels_of(intensities: np.ndarray, display: IntensityWindow) -> np.ndarray:
-    """Intensities of any shape as whole numbers from 0, int16; 0 also for those that are not finite."""
-    widths = np.nan_to_num((intensities.astype(np.float64) - display.low) / display.width)
-    levels = (np.clip(widths, -_WIDTHS_AROUND, 1.0 + _WIDTHS_AROUND) + _WIDTHS_AROUND) * _LEVELS_PER_WIDTH
-    rounded: np.ndarray = np.rint(levels).astype(np.int16)
+    """Intensities of any shape as whole numbers from 0, int16; those that are not finite get any."""
+    levels = intensities.astype(np.float64)
+    levels -= display.low
+    levels /= display.width
+    np.nan_to_num(levels, copy=False)
+    np.clip(levels, -_WIDTHS_AROUND, 1.0 + _WIDTHS_AROUND, out=levels)
+    levels += _WIDTHS_AROUND
+    levels *= _LEVELS_PER_WIDTH
+    rounded: np.ndarray = np.rint(levels, out=levels).astype(np.int16)
     return rounded
 
 

@@ -60,9 +60,7 @@ def settle(
     part = voxels.held[within(box, voxels.box)]
     intensities, window = volume.array[box], class_window(volume, display, positive_ras)
     marks = [*_marks(negative_ras, False, box, volume, voxels), *_marks(positive_ras, True, box, volume, voxels)]
-    smooth = np.empty(part.shape, dtype=bool)
-    for layers, now in settled(part >= threshold, intensities, window, marks, between):
-        smooth[layers] = now
+    smooth = np.concatenate(list(settled(part >= threshold, intensities, window, marks, between)))
     grid = BlockGrid.of(volume.geometry.spacing_mm[::-1], box)
     for layers, now, sums in at_half_height(smooth, intensities, grid, display, marks, between):
         _change_sides(part[layers], now, sums, threshold)

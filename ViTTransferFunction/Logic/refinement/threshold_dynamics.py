@@ -92,7 +92,7 @@ def settled(
     window: IntensityWindow,
     marks: Sequence[Mark] = (),
     between: Between = nothing_between,
-) -> Iterator[tuple[slice, np.ndarray]]:
+) -> Iterator[np.ndarray]:
     """A mask after `STEPS` steps, some layers after the other, so that little but the mask is held at once.
 
     Args:
@@ -104,7 +104,7 @@ def settled(
         between: called between short steps; may raise `Cancelled`.
 
     Yields:
-        Layers along K, and the mask there, (layers, J, I) bool.
+        The mask in some layers after the other along K, (layers, J, I) bool.
     """
     import torch
 
@@ -122,7 +122,7 @@ def settled(
             least = np.take(least_of_bin, bins[part.around])
             _set_marks(least, [mark.in_layers(part.around) for mark in marks])
             now = _after_steps(before[part.around], sums_of(n), least, workers)
-            yield part.layers, array_of(now[part.within]).view(bool)
+            yield array_of(now[part.within]).view(bool)
 
 
 def _after_steps(mask: Tensor, sums: Tensor, least: np.ndarray, workers: Workers) -> Tensor:
