@@ -14,7 +14,7 @@ from ViTTransferFunction.Logic.refinement import half_height
 from ViTTransferFunction.Logic.refinement.half_height import BlockGrid, at_half_height
 from ViTTransferFunction.Logic.refinement.neighbourhood_sums import WHOLE
 from ViTTransferFunction.Logic.refinement.threshold_dynamics import Mark
-from ViTTransferFunction.Testing.support.masks import box_mask, dice
+from ViTTransferFunction.Testing.support.masks import ball_mask, box_mask, dice
 
 SOFT_TISSUE = IntensityWindow(-160.0, 240.0)
 LUNG, FAT, TISSUE = -850.0, -100.0, 50.0
@@ -24,9 +24,7 @@ CUBES = np.array([0.7, 0.7, 0.7])
 
 
 def ball(radius: float) -> np.ndarray:
-    axis = np.arange(EDGE) - (EDGE - 1) / 2
-    inside: np.ndarray = (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2) < radius**2
-    return inside
+    return ball_mask(EDGE, radius)
 
 
 def scan_of(inside: np.ndarray, high: float = TISSUE, low: float = LUNG, noise: float = 20.0, blur: float = 1.2) -> np.ndarray:

@@ -12,7 +12,7 @@ from ViTTransferFunction.Logic.core.system.errors import Cancelled
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.refinement import threshold_dynamics, workers
 from ViTTransferFunction.Logic.refinement.threshold_dynamics import Mark, settled
-from ViTTransferFunction.Testing.support.masks import box_mask, dice
+from ViTTransferFunction.Testing.support.masks import ball_mask, box_mask, dice
 from ViTTransferFunction.Testing.support.volumes import volume_of
 
 WINDOW = IntensityWindow(0.0, 200.0)
@@ -20,9 +20,7 @@ EDGE = 36
 
 
 def ball(radius: float) -> np.ndarray:
-    axis = np.arange(EDGE) - (EDGE - 1) / 2
-    inside: np.ndarray = (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2) < radius**2
-    return inside
+    return ball_mask(EDGE, radius)
 
 
 def scan_of(inside: np.ndarray, noise: float) -> np.ndarray:
