@@ -261,6 +261,17 @@ def test_readme_and_results_have_the_means_of_the_scans_of_lungs() -> None:
     assert f"the mean Dice of the seven is {first}, {second}, {third}, {fourth} and {fifth} after one to five clicks" in results
 
 
+def test_readme_and_results_have_what_a_first_gesture_is_worth_in_lungs() -> None:
+    of_ways = summary("lung_nodules/gestures")["mean"]
+    (click, then), (diameter, after_it), (outline, after_that) = (
+        [figure(of_ways[way][count], None) for count in "15"] for way in ("clicks", "diameter", "outline")
+    )
+    first, then_clicks = f"{click}, {diameter} and {outline}", f"{then}, {after_it} and {after_that}"
+    assert f"the mean of the seven is {first} at once, and {then_clicks} after four clicks more" in one_line("docs/RESULTS.md")
+    assert f"have {diameter} at once and {after_it} after four clicks more;" in one_line("README.md")
+    assert f"begun with a click, which may flood the lung, {click} and {then}." in one_line("README.md")
+
+
 def test_results_have_what_a_first_gesture_is_worth() -> None:
     measured = summary("gestures")
     columns = [(way, count) for count in CLICKS for way in ("clicks", "diameter", "outline")]
