@@ -184,15 +184,19 @@ def _shell_of(mask: np.ndarray, grid: BlockGrid) -> _Shell:
     moving = np.flatnonzero(near[tuple(blocks.T + 1)])
     first = np.ravel_multi_index(tuple(blocks[moving].T), near.shape)
     steps = np.asarray(np.ravel_multi_index(tuple(np.indices((3, 3, 3)).reshape(3, -1)), near.shape))
-    voxels, exist = [], []
-    for axis, (n, edge, before) in enumerate(zip(mask.shape, grid.edges, grid.before, strict=True)):
-        shape = [len(blocks), 1, 1, 1]
-        shape[1 + axis] = edge
-        along = (blocks[:, axis, None] * edge - before + np.arange(edge)).reshape(shape)
-        voxels.append(along.clip(0, n - 1))
-        exist.append((along >= 0) & (along < n))
     neighbours = np.stack([row.ravel()[first + step] for step in steps])
-    return _Shell(tuple(voxels), exist[0] & exist[1] & exist[2], moving, neighbours)
+    return _Shell(*_voxels_of(blocks, mask.shape, grid), moving, neighbours)
+
+
+def _voxels_of(blocks: np.ndarray, shape: tuple[int, ...], grid: BlockGrid) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+    """`voxels` and `exist` of `_Shell`, of blocks (N, 3) in a volume of `shape` (K, J, I)."""
+    voxels, exist = [], np.ones((1, 1, 1, 1), dtype=bool)
+    for axis, (n, edge, before) in enumerate(zip(shape, grid.edges, grid.before, strict=True)):
+        along = blocks[:, axis, None] * edge - before + np.arange(edge)
+        along = np.expand_dims(along, [other for other in (1, 2, 3) if other != axis + 1])
+        voxels.append(along.clip(0, n - 1))
+        exist = exist & (along >= 0) & (along < n)
+    return tuple(voxels), exist
 
 
 def _has_both_sides(mask: np.ndarray, grid: BlockGrid) -> np.ndarray:
@@ -220,8 +224,7 @@ def _held(marks: Sequence[Mark], shape: tuple[int, ...]) -> np.ndarray:
     for mark in marks:
         box, known = mark.known_of(shape)
         held[box] |= known
-        if all(0 <= x < n for x, n in zip(mark.voxel, shape, strict=True)):
-            held[mark.voxel] = True
+        held[mark.voxel_of(shape)] = True
     return held
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,7 +26,6 @@ from ..core.volumes.geometry import Box
 from ..core.volumes.intensity_window import IntensityWindow
 from ..core.volumes.torch_arrays import array_of, tensor_of
 from .intensity_histograms import BINS, bins_of, density
-from .intensity_lookup import looked_up
 from .neighbourhood_sums import REACH, WHOLE, neighbourhood_sums, updated_sums
 from .parts import parts
 
@@ -69,10 +68,12 @@ class Mark:
         k, j, i = self.centre
         return replace(self, centre=(k - layers.start, j, i))
 
-    @property
-    def voxel(self) -> tuple[int, int, int]:
-        """The voxel that holds the centre, (k, j, i)."""
-        k, j, i = (math.floor(at + 0.5) for at in self.centre)
+    def voxel_of(self, shape: tuple[int, ...]) -> Box:
+        """The box of a volume of `shape` (K, J, I) that is the voxel with the centre in it; empty where there is none."""
+        k, j, i = (
+            slice(min(max(at, 0), n), min(max(at + 1, 0), n))
+            for at, n in zip((math.floor(x + 0.5) for x in self.centre), shape, strict=True)
+        )
         return k, j, i
 
     def known_of(self, shape: tuple[int, ...]) -> tuple[Box, np.ndarray]:
@@ -116,7 +117,7 @@ def settled(
         # Most masks are one part, whose sums are found once for the level and the steps.
         sums_of = lru_cache(maxsize=1)(lambda n: neighbourhood_sums(before[in_turn[n].around], workers))
         level = _level(int(mask.sum()), lambda: (sums_of(n)[part.within] for n, part in enumerate(in_turn)))
-        bins = looked_up(intensities, partial(_known_bins_of, window=window), np.uint8, workers)
+        bins = _bins(intensities, window, workers)
         least_of_bin = _least_sums(bins, mask, level)
         for n, part in enumerate(in_turn):
             least = np.take(least_of_bin, bins[part.around])
@@ -142,8 +143,26 @@ def _after_steps(mask: Tensor, sums: Tensor, least: np.ndarray, workers: Workers
     return mask
 
 
+def _bins(intensities: np.ndarray, window: IntensityWindow, workers: Workers) -> np.ndarray:
+    """The bin of each voxel's intensity, (K, J, I) uint8."""
+    bins = np.empty(intensities.shape, dtype=np.uint8)
+    known = None
+    if intensities.dtype in (np.int16, np.uint16, np.int8, np.uint8):
+        # Looked up, several times as fast as computed; negative ones count from the table's end, as indices do.
+        values = np.arange(2 ** (8 * intensities.dtype.itemsize), dtype=np.int64).astype(intensities.dtype)
+        known = _known_bins_of(values, window)
+
+    def look_up(slices: Sequence[int]) -> None:
+        for k in slices:
+            workers.between()
+            bins[k] = _known_bins_of(intensities[k], window) if known is None else known[intensities[k]]
+
+    workers.share_out(range(len(bins)), look_up)
+    return bins
+
+
 def _known_bins_of(intensities: np.ndarray, window: IntensityWindow) -> np.ndarray:
-    """The bins of intensities, uint8 of their shape."""
+    """The bins of some intensities, uint8 of their shape."""
     bins = bins_of(intensities, window)
     bins[~np.isfinite(intensities)] = _UNKNOWN
     return bins
@@ -188,6 +207,4 @@ def _set_marks(least: np.ndarray, marks: Sequence[Mark]) -> None:
         box, known = mark.known_of(least.shape)
         least[box][known] = 1 if mark.inside else WHOLE
     for mark in marks:
-        voxel = mark.voxel
-        if all(0 <= x < n for x, n in zip(voxel, least.shape, strict=True)):
-            least[voxel] = 0 if mark.inside else WHOLE + 1
+        least[mark.voxel_of(least.shape)] = 0 if mark.inside else WHOLE + 1

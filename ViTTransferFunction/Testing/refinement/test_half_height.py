@@ -14,6 +14,7 @@ from ViTTransferFunction.Logic.refinement import half_height
 from ViTTransferFunction.Logic.refinement.half_height import BlockGrid, at_half_height
 from ViTTransferFunction.Logic.refinement.neighbourhood_sums import WHOLE
 from ViTTransferFunction.Logic.refinement.threshold_dynamics import Mark
+from ViTTransferFunction.Testing.support.cancelling import cancel_at_call
 from ViTTransferFunction.Testing.support.masks import ball_mask, box_mask, dice
 
 SOFT_TISSUE = IntensityWindow(-160.0, 240.0)
@@ -174,13 +175,9 @@ def test_a_part_of_a_volume_is_as_in_the_whole() -> None:
 
 
 def test_it_can_be_cancelled_in_the_middle() -> None:
-    calls = 0
-
-    def between() -> None:
-        nonlocal calls
-        calls += 1
-        if calls == 30:
-            raise Cancelled
-
     with pytest.raises(Cancelled):
-        list(at_half_height(ball(9.0), scan_of(ball(10.0)), BlockGrid.of(CUBES, WHOLE_BOX), SOFT_TISSUE, between=between))
+        list(
+            at_half_height(
+                ball(9.0), scan_of(ball(10.0)), BlockGrid.of(CUBES, WHOLE_BOX), SOFT_TISSUE, between=cancel_at_call(30)
+            )
+        )

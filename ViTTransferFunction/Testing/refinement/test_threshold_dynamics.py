@@ -12,6 +12,7 @@ from ViTTransferFunction.Logic.core.system.errors import Cancelled
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.refinement import threshold_dynamics, workers
 from ViTTransferFunction.Logic.refinement.threshold_dynamics import Mark, settled
+from ViTTransferFunction.Testing.support.cancelling import cancel_at_call
 from ViTTransferFunction.Testing.support.masks import ball_mask, box_mask, dice
 from ViTTransferFunction.Testing.support.volumes import volume_of
 
@@ -127,16 +128,8 @@ def test_the_mask_is_left_as_it_was_however_it_is_stored(two_threads: None) -> N
 
 
 def test_it_can_be_cancelled_in_the_middle() -> None:
-    calls = 0
-
-    def between() -> None:
-        nonlocal calls
-        calls += 1
-        if calls == 30:
-            raise Cancelled
-
     with pytest.raises(Cancelled):
-        list(settled(ball(9.0), scan_of(ball(11.0), 20.0), WINDOW, between=between))
+        list(settled(ball(9.0), scan_of(ball(11.0), 20.0), WINDOW, between=cancel_at_call(30)))
 
 
 @pytest.mark.parametrize("voxels", [1, 5 * EDGE**2, 13 * EDGE**2])

@@ -8,6 +8,7 @@ import pytest
 from ViTTransferFunction.Logic.core.system.errors import Cancelled
 from ViTTransferFunction.Logic.similarity import ridge_systems
 from ViTTransferFunction.Logic.similarity.ridge_systems import solve_each
+from ViTTransferFunction.Testing.support.cancelling import cancel_at_call
 
 RIDGE = 0.05
 
@@ -62,15 +63,8 @@ def test_many_systems_together_have_the_solutions_of_each_by_itself(monkeypatch:
 @pytest.mark.parametrize("alone", [20, 100])
 def test_many_systems_can_be_given_up_in_between(monkeypatch: pytest.MonkeyPatch, alone: int) -> None:
     monkeypatch.setattr(ridge_systems, "SYSTEMS_ALONE", alone)
-    calls: list[None] = []
-
-    def between() -> None:
-        calls.append(None)
-        if len(calls) == 10:
-            raise Cancelled
-
     with pytest.raises(Cancelled):
-        solve_each(*many_systems(), between)
+        solve_each(*many_systems(), cancel_at_call(10))
 
 
 def test_few_systems_are_solved_each_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
