@@ -60,6 +60,7 @@ class VolumeSection(Section):
 
     def _show_features(self, session: SceneSession | None, phase: str) -> None:
         ui, status = self.ui, status_text(session, phase)
+        has_keyboard = ui.extractButton.focus or self._progress.cancel_button.focus
         ui.extractionStartRow.visible = phase in ("no volume", "no features")
         ui.extractionStatusLabel.visible = bool(status)
         ui.extractionStatusLabel.text = status
@@ -71,6 +72,17 @@ class VolumeSection(Section):
             "You can go on working meanwhile."
         )
         ui.estimateLabel.text = obstacle or (cost_text(session) if session else "")
+        if has_keyboard:
+            self._keep_keyboard(phase)
+
+    def _keep_keyboard(self, phase: str) -> None:
+        """What had the keyboard may have gone; Qt would choose the next section's header, and the next Space close that."""
+        if phase == "extracting":
+            self._progress.cancel_button.setFocus()
+        elif phase == "ready":
+            self.ui.addClassButton.setFocus()
+        else:
+            self.ui.extractButton.setFocus()
 
     def _show_point_warnings(self, session: SceneSession | None) -> None:
         lines = point_warnings(session) if session else []

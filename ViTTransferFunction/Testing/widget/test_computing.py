@@ -16,7 +16,8 @@ pytest.importorskip("trame_slicer")
 pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
-from PySide6.QtCore import QEventLoop, QObject, QTimerEvent
+from PySide6.QtCore import QEventLoop, QObject, Qt, QTimerEvent
+from PySide6.QtTest import QTest
 
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
@@ -155,6 +156,28 @@ def test_the_compute_process_starts_a_moment_after_the_panel_was_opened_and_ends
     slicer.mrmlScene.Clear()
     assert session.compute_pid is None
     assert widget.panel.session.compute_pid is None
+
+
+def test_who_computes_features_by_the_keyboard_goes_on_by_it(widget: Any, host: Host, volume: Any, real_weights: Path) -> None:
+    session, ui = widget.panel.session, widget.ui
+    session.parameters.set("weightsPath", str(real_weights))
+    ui.volumeSelector.setCurrentNode(volume)
+    wait_until(ui.extractButton.isEnabled)
+    host.window.activateWindow()
+    ui.extractButton.setFocus()
+    wait_until(ui.extractButton.hasFocus)
+    QTest.keyClick(ui.extractButton, Qt.Key.Key_Space)
+    wait_until(ui.extractionCancelButton.hasFocus)
+    QTest.keyClick(ui.extractionCancelButton, Qt.Key.Key_Space)
+    wait_until(lambda: session.phase == "no features" and not session.busy)
+    wait_until(ui.extractButton.hasFocus)
+    # Of so many cells, they take a moment; those of `GRID` are in the cache.
+    session.parameters.set("grid", 20)
+    wait_until(lambda: session.estimate is not None and ui.extractButton.isEnabled())
+    QTest.keyClick(ui.extractButton, Qt.Key.Key_Space)
+    wait_until(ui.extractionCancelButton.hasFocus)
+    wait_until(lambda: session.phase == "ready")
+    wait_until(ui.addClassButton.hasFocus)
 
 
 def test_closing_the_scene_while_features_are_computed_cancels_it(widget: Any, volume: Any, questions: list[str]) -> None:
