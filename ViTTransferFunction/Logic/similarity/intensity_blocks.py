@@ -20,6 +20,8 @@ UNITS_PER_WINDOW = 1024
 """Intensities are compared as 16-bit numbers, which takes a fifth of the time."""
 UNKNOWN = 20_000
 """Stands for blocks without a finite voxel; it is far from all others."""
+MUCH_THICKER = 1.6
+"""How much longer than its shortest edge a voxel may be along an axis for those beside it there to be near."""
 _FURTHEST = 10_000
 """What lies more than ten windows from the middle of the window counts as that far. No difference leaves 16 bits."""
 MOST_BLOCKS = 2_200_000
@@ -46,7 +48,7 @@ class IntensityBlocks:
         self.per_cell = per_cell if fits else 1
         k, j, i = (self.per_cell * count for count in cells.shape)
         self.units = _in_units(block_means(volume.array, (k, j, i)), window)
-        self.cells, self._window = cells, window
+        self.cells, self._volume, self._window = cells, volume, window
 
     def nearest(self, points_ras: np.ndarray) -> np.ndarray:
         """The blocks (N, 3) of points (N, 3), RAS millimetres; outside of the volume, the nearest ones."""
@@ -60,6 +62,23 @@ class IntensityBlocks:
         """Intensities of blocks, (…, 3) → (…), float64."""
         units: np.ndarray = self.units[blocks[..., 0], blocks[..., 1], blocks[..., 2]].astype(float)
         return units
+
+    def units_of_voxels_at(self, points_ras: np.ndarray) -> np.ndarray:
+        """Median intensities of the voxels at points (N, 3), RAS millimetres, and of those beside them, (N,), float64.
+
+        Voxels beside them along an axis along which they are much thicker do not count. `UNKNOWN` where none is finite.
+        """
+        geometry = self._volume.geometry
+        spacing = geometry.spacing_mm[::-1]
+        beside = (spacing <= MUCH_THICKER * spacing.min()).astype(int)
+        medians = np.full(len(points_ras), np.nan, dtype=np.float32)
+        for point, voxel in enumerate(geometry.nearest_voxels(points_ras)):
+            around = tuple(slice(max(at - step, 0), at + step + 1) for at, step in zip(voxel, beside, strict=True))
+            values = self._volume.array[around].astype(np.float32)
+            known = values[np.isfinite(values)]
+            if known.size:
+                medians[point] = np.median(known)
+        return _in_units(medians, self._window).astype(float)
 
     def in_cells_of(self, blocks: np.ndarray) -> np.ndarray:
         """All blocks of the cells that blocks (N, 3) lie in, (N, per_cell³, 3)."""

@@ -1,7 +1,8 @@
-"""Where annotated points are looked at: where they lie, or beside it, where a point shows what is not meant.
+"""Where annotated points are looked at: where they lie, or beside it, where what is seen there is not what is meant.
 
 People click on rims. A voxel there may be as dark as what is around, or as bright as the structure, and a cell is wider than a
-rim: features, intensity and connectedness at such a point are those of the other side.
+rim: features, intensity and connectedness at such a point are those of the other side. And people click on what is small: a
+nodule's voxel may lie in a block most of which is lung.
 """
 
 from __future__ import annotations
@@ -11,11 +12,16 @@ import numpy as np
 from .connectedness import SIGMA
 from .intensity_blocks import UNITS_PER_WINDOW, UNKNOWN, IntensityBlocks
 
-RIM_UNLIKE = 0.5
+UNLIKE, ALIKE = 0.5, 0.25
+"""What is more than so many windows apart is quite unlike, and what is less, alike."""
+NEXT = np.sqrt(3.0)
+"""How far away the blocks are that touch one."""
 RIM_CELLS = 1.5
-"""A later positive point that is unlike all before it by more than so many windows may lie at a rim, if something like one of
-them is no more than so many cells away. Chosen while looking at one nodule in a lung; see `Benchmarks/results/candidates.md`,
-*Positive points at rims*."""
+"""A later positive point that is unlike all before it may lie at a rim, if something like one of them is no more than so many
+cells away. Chosen, as `UNLIKE`, while looking at one nodule in a lung, and what is done there while looking at three more; see
+`Benchmarks/results/candidates.md`, *Positive points at rims* and *Points whose voxel is unlike the block around it*."""
+MOSTLY = 0.5
+"""Less than this share of what is beside a block is like it, where that is no part by itself."""
 SEEN_CLASSES = 256
 """Of so many classes, or states of them, it is kept where their positive points are looked at: each click asks for all again,
 and each refinement."""
@@ -36,10 +42,14 @@ class PointPlaces:
     def of_positives(self, positive_ras: np.ndarray) -> np.ndarray:
         """Where a class's positive points are best looked at: there, or in the structure beside it. Any thread may ask.
 
-        People draw a structure's edge where a voxel may be as dark as what is around, as at that of a nodule in a lung; a later
-        point there would have all that is around looked for. So where it is quite unlike all before it, and what is beside it
-        no more alike than what is beside these, it is looked at at the nearest block that is like one of them. Where none is
-        near, it lies in another part of the structure.
+        What is smaller than a block, or ends in it, is seen in the voxels at a point: where these are grey, and their block is
+        not, a point is looked at at the block beside it that is most like them. A later point only where they are like what is
+        looked at before it.
+
+        And people draw a structure's edge where a voxel may be as dark as what is around, as at that of a nodule in a lung; a
+        later point there would have all that is around looked for. So where it is quite unlike all before it, and no part of
+        the structure by itself, it is looked at at the nearest block that is like one of them, on their side of it. Where
+        none is near, it lies in another part of the structure.
 
         Args:
             positive_ras: (P, 3) RAS millimetres, in the order placed; outside of the volume, the nearest block counts.
@@ -87,37 +97,85 @@ class PointPlaces:
 
     def _within_the_structure(self, positive_ras: np.ndarray) -> np.ndarray:
         """See `of_positives`."""
-        blocks = self._blocks.nearest(positive_ras)
-        units = self._blocks.units_of(blocks)
-        places = positive_ras
-        for point in range(1, len(blocks)):
-            before = units[:point]
-            if units[point] == UNKNOWN or np.abs(before - units[point]).min() <= RIM_UNLIKE * UNITS_PER_WINDOW:
-                continue
-            *alike_before, alike = self._share_alike(blocks[: point + 1])
-            nearest = self._nearest_like(blocks[point], before) if alike <= max(alike_before) else None
-            if nearest is not None:
-                units[point] = self._blocks.units_of(nearest)
-                places = np.concatenate([places[:point], self._blocks.centres_ras(nearest[None]), places[point + 1 :]])
-        return places
+        own, voxels = self._blocks.nearest(positive_ras), self._blocks.units_of_voxels_at(positive_ras)
+        blocks = own.copy()
+        for point in range(len(own)):
+            before = blocks[:point]
+            blocks[point] = self._like_its_voxels(own[point], voxels[point], before)
+            if point and self._is_at_rim(blocks[point], voxels[point], before):
+                blocks[point] = self._beside_rim(blocks[point], before)
+        moved = (blocks != own).any(axis=1)
+        return np.where(moved[:, None], self._blocks.centres_ras(blocks), positive_ras) if moved.any() else positive_ras
 
-    def _nearest_like(self, block: np.ndarray, units: np.ndarray) -> np.ndarray | None:
-        """The block nearest to one (3,), within `RIM_CELLS`, that has one of some intensities (N,); None where there is none.
+    def _like_its_voxels(self, block: np.ndarray, voxels: float, before: np.ndarray) -> np.ndarray:
+        """A point's block (3,), or that beside it which is most like the point's voxels, where these are grey and it is not.
 
-        Of several that are as near, it is the one that is most like them, in whatever order the volume is stored.
+        `before` are the blocks (N, 3) at which the points before it are looked at.
         """
-        around = self._blocks.within(RIM_CELLS * self._blocks.per_cell, block)
-        around = around[self._blocks.units_of(around) != UNKNOWN]
-        unlike = np.abs(self._blocks.units_of(around)[:, None] - units).min(axis=1)
+        own = self._blocks.units_of(block)
+        is_grey = UNKNOWN not in (own, voxels) and abs(own) > abs(voxels) + UNLIKE * UNITS_PER_WINDOW
+        unlike_before = np.abs(self._blocks.units_of(before) - voxels)
+        if not is_grey or (len(before) and unlike_before.min() > ALIKE * UNITS_PER_WINDOW):
+            return block
+        beside = self._known_within(NEXT, block)
+        unlike = np.abs(self._blocks.units_of(beside) - voxels)
+        most_alike: np.ndarray = beside[np.lexsort((_distances(beside, block), unlike))[0]]
+        return most_alike
+
+    def _is_at_rim(self, block: np.ndarray, voxels: float, before: np.ndarray) -> bool:
+        """Whether a later point lies at the structure's rim: it is unlike all before it, and no part of it by itself.
+
+        What is no more alike around it than around those is none; nor is what is less grey than they, and mostly beside
+        something else.
+        """
+        own, of_before = self._blocks.units_of(block), self._blocks.units_of(before)
+        least_grey = self._least_grey(before)
+        seen = [own] if voxels == UNKNOWN or abs(voxels) <= least_grey else [own, voxels]
+        unlike = max(np.abs(of_before - units).min() for units in seen)
+        if own == UNKNOWN or unlike <= UNLIKE * UNITS_PER_WINDOW:
+            return False
+        *alike_before, alike = self._share_alike(np.concatenate([before, block[None]]))
+        return bool(alike <= max(alike_before) or (alike < MOSTLY and abs(own) > least_grey))
+
+    def _beside_rim(self, block: np.ndarray, before: np.ndarray) -> np.ndarray:
+        """The block within `RIM_CELLS` of one (3,) that is like one of those before it, (N, 3); itself where there is none.
+
+        Where it is less grey than all before it, what is around was clicked, and it is the block on the shortest way to them,
+        if need be one of themselves: on the other side there may be something alike that is not meant. Else it is the
+        nearest. Of several as near, it is the one that is most like them, in whatever order the volume is stored.
+        """
+        around = self._known_within(RIM_CELLS * self._blocks.per_cell, block)
+        unlike = np.abs(self._blocks.units_of(around)[:, None] - self._blocks.units_of(before)).min(axis=1)
         like = unlike <= SIGMA * UNITS_PER_WINDOW
-        steps = ((around[like] - block) ** 2).sum(axis=1)
-        return around[like][np.lexsort((unlike[like], steps))[0]] if like.any() else None
+        if not like.any():
+            return block
+        around, unlike = around[like], unlike[like]
+        way = _distances(around, block)
+        if abs(self._blocks.units_of(block)) > self._least_grey(before):
+            way += np.min([_distances(around, each) for each in before], axis=0)
+        nearest: np.ndarray = around[np.lexsort((unlike, way))[0]]
+        return nearest
+
+    def _least_grey(self, blocks: np.ndarray) -> float:
+        """How far from the middle of the window the intensities of blocks (N, 3) are at most."""
+        return float(np.abs(self._blocks.units_of(blocks)).max())
 
     def _share_alike(self, blocks: np.ndarray) -> np.ndarray:
-        """The share of what is known beside each of some blocks (N, 3) that is like it, within half of `RIM_UNLIKE`, (N,)."""
-        limit = 0.5 * RIM_UNLIKE * UNITS_PER_WINDOW
+        """The share of what is known beside each of some blocks (N, 3) that is like it, (N,)."""
         shares = []
         for block, own in zip(blocks, self._blocks.units_of(blocks), strict=True):
-            units = self._blocks.units_of(self._blocks.within(np.sqrt(3.0), block))
-            shares.append(np.mean(np.abs(units[units != UNKNOWN] - own) <= limit) if own != UNKNOWN else 0.0)
+            units = self._blocks.units_of(self._known_within(NEXT, block))
+            shares.append(np.mean(np.abs(units - own) <= ALIKE * UNITS_PER_WINDOW) if own != UNKNOWN else 0.0)
         return np.array(shares)
+
+    def _known_within(self, radius: float, block: np.ndarray) -> np.ndarray:
+        """The blocks (N, 3) no farther than so many blocks from one of them, (3,), in which something is finite."""
+        around = self._blocks.within(radius, block)
+        known: np.ndarray = around[self._blocks.units_of(around) != UNKNOWN]
+        return known
+
+
+def _distances(blocks: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """Of blocks (N, 3) from one, (3,), in blocks."""
+    distances: np.ndarray = np.sqrt(((blocks - block) ** 2).sum(axis=1))
+    return distances

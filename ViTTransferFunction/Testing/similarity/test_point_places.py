@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volumes.orientation import Orientation
@@ -64,11 +65,14 @@ def positives_seen_at(volume: Volume, *positive: tuple[int, int, int]) -> np.nda
     return seen
 
 
-def nodule() -> Volume:
-    """A ball of 40 in a lung of -800."""
-    array = np.full((EDGE,) * 3, -800.0, dtype=np.float32)
-    array[np.linalg.norm(np.indices(array.shape).T - 20.0, axis=-1).T < 6.0] = 40.0
-    return volume_of(array)
+def nodule(
+    radius: float = 6.0, middle: float = 20.0, blur: float = 0.0, intensity: float = 40.0, lung: float = -800.0
+) -> Volume:
+    """A ball in a lung; lengths in voxels."""
+    array = np.full((EDGE,) * 3, lung, dtype=np.float32)
+    distances = np.linalg.norm(np.indices(array.shape).T - middle, axis=-1).T
+    array[distances < radius] = intensity
+    return volume_of(gaussian_filter(array, blur))
 
 
 MIDDLE, AT_EDGE, IN_LUNG = (20, 20, 20), (20, 20, 27), (20, 20, 34)
@@ -90,6 +94,57 @@ def test_a_later_positive_point_in_what_is_around_a_structure_is_looked_at_in_th
 )
 def test_other_positive_points_are_looked_at_where_they_are(positive: tuple[tuple[int, int, int], ...]) -> None:
     np.testing.assert_allclose(positives_seen_at(nodule(), *positive), positive, atol=1e-5)
+
+
+IN_MIXED_BLOCK = (20, 20, 22)
+"""In a ball of three voxels, in a block most of which is lung."""
+
+
+def test_a_first_point_in_a_block_that_is_mostly_something_else_is_looked_at_in_the_block_like_its_voxels() -> None:
+    np.testing.assert_allclose(positives_seen_at(nodule(3.0), IN_MIXED_BLOCK), [(20.5, 20.5, 20.5)], atol=1e-5)
+
+
+@pytest.mark.parametrize(("before", "moves"), [((38, 38, 38), True), ((20, 20, 34), False)], ids=["tissue", "lung"])
+def test_a_later_one_is_only_if_its_voxels_are_like_those_before(before: tuple[int, int, int], moves: bool) -> None:
+    volume = nodule(3.0)
+    volume.array[36:42, 36:42, 36:42] = 40.0
+    _, seen = positives_seen_at(volume, before, IN_MIXED_BLOCK)
+    assert np.allclose(seen, (20.5, 20.5, 20.5), atol=1e-5) == moves
+
+
+def test_what_is_brighter_than_the_window_is_looked_at_where_it_is_clicked() -> None:
+    hot = nodule(3.0, intensity=3000.0, lung=40.0)
+    np.testing.assert_allclose(positives_seen_at(hot, IN_MIXED_BLOCK), [IN_MIXED_BLOCK], atol=1e-5)
+
+
+def test_voxels_across_thick_slices_say_nothing_of_those_at_a_point() -> None:
+    array = nodule(3.0).array
+    array[19], array[21] = 0.0, 0.0
+    for thickness, units in ((1.0, -40.0), (2.0, 0.0)):
+        volume = volume_of(array, (1.0, 1.0, thickness))
+        blocks = IntensityBlocks(volume, volume.geometry.resized(CELLS), WINDOW)
+        point = volume.geometry.ijk_to_ras_points(np.array([[20.0, 20.0, 20.0]]))
+        np.testing.assert_allclose(blocks.units_of_voxels_at(point), np.rint(units * 1024 / 400))
+
+
+def test_a_later_point_at_the_rim_of_a_small_and_blurred_structure_is_looked_at_in_it() -> None:
+    """What is beside the middle of one so small is as unlike the middle as what is beside its rim."""
+    small = nodule(4.0, middle=20.5, blur=1.5)
+    for at_rim in ((20, 20, 23), (20, 20, 24), (20, 20, 25)):
+        _, seen = positives_seen_at(small, MIDDLE, at_rim)
+        np.testing.assert_allclose(seen, (20.5, 20.5, 20.5), atol=1e-5)
+    np.testing.assert_allclose(positives_seen_at(small, MIDDLE, (20, 20, 27))[1], (20, 20, 27), atol=1e-5)
+
+
+@pytest.mark.parametrize(("structure", "around", "is_nearest"), [(40.0, -800.0, False), (-800.0, 40.0, True)])
+def test_a_point_in_what_is_around_is_looked_at_on_the_way_to_those_before_it(
+    structure: float, around: float, is_nearest: bool
+) -> None:
+    """What is alike and nearer lies on the other side, and may be something else: grey beside lung, not lung beside grey."""
+    array = np.full((EDGE,) * 3, around, dtype=np.float32)
+    array[:, :, 14:22] = array[:, :, 30:40] = structure
+    _, seen = positives_seen_at(volume_of(array), (20, 20, 18), (20, 20, 27))
+    assert (30 <= seen[2] < 40) if is_nearest else (14 <= seen[2] < 22)
 
 
 def test_a_positive_point_on_nothing_finite_is_looked_at_where_it_is() -> None:
