@@ -20,6 +20,8 @@ RIM_CELLS = 1.5
 """A later positive point that is unlike all before it may lie at a rim, if something like one of them is no more than so many
 cells away. Chosen, as `UNLIKE`, while looking at one nodule in a lung, and what is done there while looking at three more; see
 `Benchmarks/results/candidates.md`, *Positive points at rims* and *Points whose voxel is unlike the block around it*."""
+GREY = 1.0
+"""Up to so many windows from their middle, intensities are grey: a small nodule is seen together with the lung around it."""
 MOSTLY = 0.5
 """Less than this share of what is beside a block is like it, where that is no part by itself."""
 SEEN_CLASSES = 256
@@ -125,24 +127,24 @@ class PointPlaces:
     def _is_at_rim(self, block: np.ndarray, voxels: float, before: np.ndarray) -> bool:
         """Whether a later point lies at the structure's rim: it is unlike all before it, and no part of it by itself.
 
-        What is no more alike around it than around those is none; nor is what is less grey than they, and mostly beside
-        something else.
+        What is no more alike around it than around those is none; nor is what is less grey than they, where they are grey, and
+        mostly beside something else.
         """
-        own, of_before = self._blocks.units_of(block), self._blocks.units_of(before)
-        least_grey = self._least_grey(before)
-        seen = [own] if voxels == UNKNOWN or abs(voxels) <= least_grey else [own, voxels]
+        own, of_before = float(self._blocks.units_of(block)), self._blocks.units_of(before)
+        seen = [own, voxels] if voxels != UNKNOWN and _is_less_grey(voxels, of_before) else [own]
         unlike = max(np.abs(of_before - units).min() for units in seen)
         if own == UNKNOWN or unlike <= UNLIKE * UNITS_PER_WINDOW:
             return False
         *alike_before, alike = self._share_alike(np.concatenate([before, block[None]]))
-        return bool(alike <= max(alike_before) or (alike < MOSTLY and abs(own) > least_grey))
+        return bool(alike <= max(alike_before) or (alike < MOSTLY and _is_less_grey(own, of_before)))
 
     def _beside_rim(self, block: np.ndarray, before: np.ndarray) -> np.ndarray:
         """The block within `RIM_CELLS` of one (3,) that is like one of those before it, (N, 3); itself where there is none.
 
-        Where it is less grey than all before it, what is around was clicked, and it is the block on the shortest way to them,
-        if need be one of themselves: on the other side there may be something alike that is not meant. Else it is the
-        nearest. Of several as near, it is the one that is most like them, in whatever order the volume is stored.
+        Where it is less grey than all before it, and these are grey, what is around was clicked, and it is the block on the
+        shortest way to them, if need be one of themselves: on the other side there may be something alike that is not meant.
+        Else it is the nearest. Of several as near, it is the one that is most like them, in whatever order the volume is
+        stored.
         """
         around = self._known_within(RIM_CELLS * self._blocks.per_cell, block)
         unlike = np.abs(self._blocks.units_of(around)[:, None] - self._blocks.units_of(before)).min(axis=1)
@@ -151,14 +153,10 @@ class PointPlaces:
             return block
         around, unlike = around[like], unlike[like]
         way = _distances(around, block)
-        if abs(self._blocks.units_of(block)) > self._least_grey(before):
+        if _is_less_grey(float(self._blocks.units_of(block)), self._blocks.units_of(before)):
             way += np.min([_distances(around, each) for each in before], axis=0)
         nearest: np.ndarray = around[np.lexsort((unlike, way))[0]]
         return nearest
-
-    def _least_grey(self, blocks: np.ndarray) -> float:
-        """How far from the middle of the window the intensities of blocks (N, 3) are at most."""
-        return float(np.abs(self._blocks.units_of(blocks)).max())
 
     def _share_alike(self, blocks: np.ndarray) -> np.ndarray:
         """The share of what is known beside each of some blocks (N, 3) that is like it, (N,)."""
@@ -179,3 +177,12 @@ def _distances(blocks: np.ndarray, block: np.ndarray) -> np.ndarray:
     """Of blocks (N, 3) from one, (3,), in blocks."""
     distances: np.ndarray = np.sqrt(((blocks - block) ** 2).sum(axis=1))
     return distances
+
+
+def _is_less_grey(units: float, structure: np.ndarray) -> bool:
+    """Whether an intensity is farther from the middle of the window than all of a grey structure's (N,), as lung or bone are.
+
+    Of what is not grey itself, such as a lung, or what PET shows, that says nothing.
+    """
+    least_grey = float(np.abs(structure).max())
+    return least_grey <= GREY * UNITS_PER_WINDOW and abs(units) > least_grey

@@ -136,11 +136,15 @@ def test_a_later_point_at_the_rim_of_a_small_and_blurred_structure_is_looked_at_
     np.testing.assert_allclose(positives_seen_at(small, MIDDLE, (20, 20, 27))[1], (20, 20, 27), atol=1e-5)
 
 
-@pytest.mark.parametrize(("structure", "around", "is_nearest"), [(40.0, -800.0, False), (-800.0, 40.0, True)])
+@pytest.mark.parametrize(
+    ("structure", "around", "is_nearest"),
+    [(40.0, -800.0, False), (-800.0, 40.0, True), (1000.0, 2000.0, True)],
+    ids=["tissue in lung", "lung in tissue", "what is bright in what is brighter"],
+)
 def test_a_point_in_what_is_around_is_looked_at_on_the_way_to_those_before_it(
     structure: float, around: float, is_nearest: bool
 ) -> None:
-    """What is alike and nearer lies on the other side, and may be something else: grey beside lung, not lung beside grey."""
+    """What is alike and nearer lies on the other side, and may be something else, where the structure is grey."""
     array = np.full((EDGE,) * 3, around, dtype=np.float32)
     array[:, :, 14:22] = array[:, :, 30:40] = structure
     _, seen = positives_seen_at(volume_of(array), (20, 20, 18), (20, 20, 27))
