@@ -127,21 +127,21 @@ class PointPlaces:
     def _is_at_rim(self, block: np.ndarray, voxels: float, before: np.ndarray) -> bool:
         """Whether a later point lies at the structure's rim: it is unlike all before it, and no part of it by itself.
 
-        What is no more alike around it than around those is none; nor is what is less grey than they, where they are grey, and
+        What is no more alike around it than around those is none; nor is what is darker than they, where they are grey, and
         mostly beside something else.
         """
         own, of_before = float(self._blocks.units_of(block)), self._blocks.units_of(before)
-        seen = [own, voxels] if voxels != UNKNOWN and _is_less_grey(voxels, of_before) else [own]
+        seen = [own, voxels] if voxels != UNKNOWN and _is_darker(voxels, of_before) else [own]
         unlike = max(np.abs(of_before - units).min() for units in seen)
         if own == UNKNOWN or unlike <= UNLIKE * UNITS_PER_WINDOW:
             return False
         *alike_before, alike = self._share_alike(np.concatenate([before, block[None]]))
-        return bool(alike <= max(alike_before) or (alike < MOSTLY and _is_less_grey(own, of_before)))
+        return bool(alike <= max(alike_before) or (alike < MOSTLY and _is_darker(own, of_before)))
 
     def _beside_rim(self, block: np.ndarray, before: np.ndarray) -> np.ndarray:
         """The block within `RIM_CELLS` of one (3,) that is like one of those before it, (N, 3); itself where there is none.
 
-        Where it is less grey than all before it, and these are grey, what is around was clicked, and it is the block on the
+        Where it is darker than all before it, and these are grey, what is around was clicked, and it is the block on the
         shortest way to them, if need be one of themselves: on the other side there may be something alike that is not meant.
         Else it is the nearest. Of several as near, it is the one that is most like them, in whatever order the volume is
         stored.
@@ -153,7 +153,7 @@ class PointPlaces:
             return block
         around, unlike = around[like], unlike[like]
         way = _distances(around, block)
-        if _is_less_grey(float(self._blocks.units_of(block)), self._blocks.units_of(before)):
+        if _is_darker(float(self._blocks.units_of(block)), self._blocks.units_of(before)):
             way += np.min([_distances(around, each) for each in before], axis=0)
         nearest: np.ndarray = around[np.lexsort((unlike, way))[0]]
         return nearest
@@ -179,10 +179,12 @@ def _distances(blocks: np.ndarray, block: np.ndarray) -> np.ndarray:
     return distances
 
 
-def _is_less_grey(units: float, structure: np.ndarray) -> bool:
-    """Whether an intensity is farther from the middle of the window than all of a grey structure's (N,), as lung or bone are.
+def _is_darker(units: float, structure: np.ndarray) -> bool:
+    """Whether an intensity is darker than all of a grey structure's (N,), as lung is.
 
-    Of what is not grey itself, such as a lung, or what PET shows, that says nothing.
+    Farther below the middle of the window, that is, than they are from it on either side. What is brighter may be a part of
+    it, such as the rim of a tumour with contrast medium. Of what is not grey itself, such as a lung, or what PET shows, neither
+    says anything.
     """
     least_grey = float(np.abs(structure).max())
-    return least_grey <= GREY * UNITS_PER_WINDOW and abs(units) > least_grey
+    return least_grey <= GREY * UNITS_PER_WINDOW and -units > least_grey

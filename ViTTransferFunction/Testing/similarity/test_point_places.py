@@ -138,8 +138,8 @@ def test_a_later_point_at_the_rim_of_a_small_and_blurred_structure_is_looked_at_
 
 @pytest.mark.parametrize(
     ("structure", "around", "is_nearest"),
-    [(40.0, -800.0, False), (-800.0, 40.0, True), (1000.0, 2000.0, True)],
-    ids=["tissue in lung", "lung in tissue", "what is bright in what is brighter"],
+    [(40.0, -800.0, False), (-800.0, 40.0, True), (40.0, 500.0, True), (2000.0, 1000.0, True)],
+    ids=["tissue in lung", "lung in tissue", "tissue in bone", "what is bright in what is darker"],
 )
 def test_a_point_in_what_is_around_is_looked_at_on_the_way_to_those_before_it(
     structure: float, around: float, is_nearest: bool
