@@ -45,8 +45,8 @@ class PointPlaces:
         """Where a class's positive points are best looked at: there, or in the structure beside it. Any thread may ask.
 
         What is smaller than a block, or ends in it, is seen in the voxels at a point: where these are grey, and their block is
-        not, a point is looked at at the block beside it that is most like them. A later point only where they are like what is
-        looked at before it.
+        dark, a point is looked at at the block beside it that is most like them. A later point only where they are like what
+        is looked at before it.
 
         And people draw a structure's edge where a voxel may be as dark as what is around, as at that of a nodule in a lung; a
         later point there would have all that is around looked for. So where it is quite unlike all before it, and no part of
@@ -110,12 +110,13 @@ class PointPlaces:
         return np.where(moved[:, None], self._blocks.centres_ras(blocks), positive_ras) if moved.any() else positive_ras
 
     def _like_its_voxels(self, block: np.ndarray, voxels: float, before: np.ndarray) -> np.ndarray:
-        """A point's block (3,), or that beside it which is most like the point's voxels, where these are grey and it is not.
+        """A point's block (3,), or that beside it which is most like the point's voxels, where these are grey and it is dark.
 
         `before` are the blocks (N, 3) at which the points before it are looked at.
         """
         own = self._blocks.units_of(block)
-        is_grey = UNKNOWN not in (own, voxels) and abs(own) > abs(voxels) + UNLIKE * UNITS_PER_WINDOW
+        # In a bright block, such as of bone, what is grey is as likely the marrow of the same structure.
+        is_grey = UNKNOWN not in (own, voxels) and -own > abs(voxels) + UNLIKE * UNITS_PER_WINDOW
         unlike_before = np.abs(self._blocks.units_of(before) - voxels)
         if not is_grey or (len(before) and unlike_before.min() > ALIKE * UNITS_PER_WINDOW):
             return block

@@ -112,9 +112,10 @@ def test_a_later_one_is_only_if_its_voxels_are_like_those_before(before: tuple[i
     assert np.allclose(seen, (20.5, 20.5, 20.5), atol=1e-5) == moves
 
 
-def test_what_is_brighter_than_the_window_is_looked_at_where_it_is_clicked() -> None:
-    hot = nodule(3.0, intensity=3000.0, lung=40.0)
-    np.testing.assert_allclose(positives_seen_at(hot, IN_MIXED_BLOCK), [IN_MIXED_BLOCK], atol=1e-5)
+@pytest.mark.parametrize(("intensity", "around"), [(3000.0, 40.0), (40.0, 900.0)], ids=["hot", "marrow in bone"])
+def test_beside_what_is_brighter_than_the_window_a_point_is_looked_at_where_it_is(intensity: float, around: float) -> None:
+    bright = nodule(3.0, intensity=intensity, lung=around)
+    np.testing.assert_allclose(positives_seen_at(bright, IN_MIXED_BLOCK), [IN_MIXED_BLOCK], atol=1e-5)
 
 
 def test_voxels_across_thick_slices_say_nothing_of_those_at_a_point() -> None:
