@@ -50,8 +50,8 @@ class PointPlaces:
 
         And people draw a structure's edge where a voxel may be as dark as what is around, as at that of a nodule in a lung; a
         later point there would have all that is around looked for. So where it is quite unlike all before it, and no part of
-        the structure by itself, it is looked at at the nearest block that is like one of them, on their side of it. Where
-        none is near, it lies in another part of the structure.
+        the structure by itself, it is looked at at the nearest block that is like one of them; or, in what is darker than a
+        grey structure, on the way to them. Where none is near, it lies in another part of the structure.
 
         Args:
             positive_ras: (P, 3) RAS millimetres, in the order placed; outside of the volume, the nearest block counts.
