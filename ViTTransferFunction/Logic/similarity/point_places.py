@@ -13,7 +13,7 @@ from .connectedness import SIGMA
 from .intensity_blocks import UNITS_PER_WINDOW, UNKNOWN, IntensityBlocks
 
 UNLIKE, ALIKE = 0.5, 0.25
-"""What is more than so many windows apart is quite unlike, and what is less, alike."""
+"""Intensities are quite unlike where they are farther apart than the first, and alike within the second, in windows."""
 NEXT = np.sqrt(3.0)
 """How far away the blocks are that touch one."""
 RIM_CELLS = 1.5
@@ -116,9 +116,9 @@ class PointPlaces:
         """
         own = self._blocks.units_of(block)
         # In a bright block, such as of bone, what is grey is as likely the marrow of the same structure.
-        is_grey = UNKNOWN not in (own, voxels) and -own > abs(voxels) + UNLIKE * UNITS_PER_WINDOW
+        grey_in_dark = UNKNOWN not in (own, voxels) and -own > abs(voxels) + UNLIKE * UNITS_PER_WINDOW
         unlike_before = np.abs(self._blocks.units_of(before) - voxels)
-        if not is_grey or (len(before) and unlike_before.min() > ALIKE * UNITS_PER_WINDOW):
+        if not grey_in_dark or (len(before) and unlike_before.min() > ALIKE * UNITS_PER_WINDOW):
             return block
         beside = self._known_within(NEXT, block)
         unlike = np.abs(self._blocks.units_of(beside) - voxels)
