@@ -98,5 +98,8 @@ def _share(sums: np.ndarray) -> np.ndarray:
 def _marks(points_ras: np.ndarray, inside: bool, box: Box, volume: Volume, voxels: VoxelMap) -> list[Mark]:
     """What points (N, 3) say of places in a box of the volume."""
     radius_k, radius_j, radius_i = (MARKED_CELLS * edge for edge in cell_voxels(voxels.shape, voxels.coarse.shape))
-    centres = volume.geometry.ras_to_ijk(points_ras)[:, ::-1] - [extent.start for extent in box]
+    # A point on a face of the volume, or rounded to a little beyond, lies in the voxel before it.
+    faces = np.array(volume.shape) - 0.5
+    in_volume = np.clip(volume.geometry.ras_to_ijk(points_ras)[:, ::-1], -0.5, np.nextafter(faces, 0.0))
+    centres = in_volume - [extent.start for extent in box]
     return [Mark((k, j, i), (radius_k, radius_j, radius_i), inside) for k, j, i in centres.tolist()]

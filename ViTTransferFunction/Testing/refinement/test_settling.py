@@ -81,6 +81,20 @@ def test_points_lie_on_their_own_side() -> None:
     assert inside[20, 20, 20]
 
 
+def test_points_on_the_faces_of_the_volume_lie_on_their_own_side() -> None:
+    """They may be a little beyond, where they were rounded when they were saved."""
+    scan, truth, array = scan_and_map()
+    cut = (slice(20, 28), slice(20, EDGE), slice(20, EDGE))
+    for layer, face in ((0, -0.5005), (0, -0.5), (7, 7.5), (7, 7.5005)):
+        voxels = VoxelMap.whole(array[cut].copy())
+        negative, positive = np.array([[1.0, 1.0, face]]), np.array([[3.0, 3.0, 3.0], [14.0, 14.0, face]])
+        assert truth[cut][layer, 1, 1]
+        assert not truth[cut][layer, 14, 14]
+        inside = settle(voxels, volume_of(scan[cut]), WINDOW, positive, negative, ISO).held >= ISO
+        assert not inside[layer, 1, 1]
+        assert inside[layer, 14, 14]
+
+
 @pytest.mark.parametrize("iso", [0.001, 0.9, 1.0])
 def test_values_stay_between_0_and_1_whatever_the_threshold(iso: float) -> None:
     settled = settled_map(iso=iso)
