@@ -62,7 +62,6 @@ def _clicked_part(similarity: ClassMap, points_ras: np.ndarray) -> Box | None:
     """The box of the components of the map above its iso value that hold one of the points; None where none does."""
     inside = similarity.array >= in_units_of(similarity.array, similarity.iso)
     components, _ = ndimage.label(inside, _NEIGHBOURS)
-    places = np.round(similarity.geometry.ras_to_ijk(points_ras)[:, ::-1]).astype(int)
-    places = places[((places >= 0) & (places < components.shape)).all(axis=1)]
+    places = similarity.geometry.nearest_voxels(points_ras[similarity.geometry.contains(points_ras)])
     numbers = components[tuple(places.T)]
     return bounding_box(np.isin(components, numbers[numbers > 0]))

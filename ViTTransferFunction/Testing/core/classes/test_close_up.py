@@ -92,6 +92,15 @@ def test_the_close_up_of_a_structure_holds_its_points_where_its_map_shows_nothin
     assert extents(of_corner.box_in(OBLIQUE, points[2:])) == [(44, 60), (64, 80), (84, 100)]
 
 
+def test_the_close_up_of_a_structure_that_was_clicked_on_a_face_of_the_volume_holds_it() -> None:
+    cells = OBLIQUE.resized((20, 20, 20))
+    array = np.zeros(cells.shape, dtype=np.float32)
+    array[14:, 14:, 14:] = 0.9
+    shown = ClassMap(array, cells, 0.5)
+    within, on_faces = points_at(OBLIQUE, (59.0, 79.0, 99.0)), points_at(OBLIQUE, (59.5, 79.5, 99.5))
+    assert close_up_of(shown, on_faces, OBLIQUE) == close_up_of(shown, within, OBLIQUE)
+
+
 def test_a_map_in_bytes_of_a_part_of_the_volume_gives_the_same_close_up() -> None:
     box = slice(20, 40), slice(10, 50), slice(10, 60)
     geometry = OBLIQUE.part(box)
