@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..core.classes.class_request import ClassRequest
+from ..core.classes.class_request import ClassRequest, different_places
 from ..core.volumes.geometry import Geometry
 
 MOST_POINTS = 500
@@ -18,17 +18,19 @@ _GROWTH = 1.25
 def thinned(requests: Sequence[ClassRequest], geometry: Geometry) -> list[ClassRequest]:
     """The same classes with `MOST_POINTS` points at most, or one of each list; as they are, where they have no more.
 
-    Otherwise the points of a class that lie in one voxel count once; and where these are still more than its share, those
-    that lie in one cell, of cells as small as that allows. A close-up stays as large as all points together want it: its
+    Points of a list that lie in the same place, to the last digit, count once: a double click says no more than a click.
+    Where there are too many, those that lie in one voxel count once as well; and where these are still more than their share,
+    those that lie in one cell, of cells as small as that allows. A close-up stays as large as all points together want it: its
     features would be computed again whenever other points are left.
 
     Args:
         requests: whose points lie in the volume.
         geometry: of the volume.
     """
+    requests = [_without_repeated(request) for request in requests]
     lists = [points for request in requests for points in (request.positive, request.negative) if len(points)]
     if sum(map(len, lists)) <= MOST_POINTS:
-        return list(requests)
+        return requests
     share = max(1, MOST_POINTS // len(lists))
     return [
         replace(
@@ -39,6 +41,14 @@ def thinned(requests: Sequence[ClassRequest], geometry: Geometry) -> list[ClassR
         )
         for request in requests
     ]
+
+
+def _without_repeated(request: ClassRequest) -> ClassRequest:
+    """The class with each place once in each list; itself where that is so."""
+    positive, negative = (different_places(points) for points in (request.positive, request.negative))
+    if (len(positive), len(negative)) == (len(request.positive), len(request.negative)):
+        return request
+    return replace(request, positive=request.positive[positive], negative=request.negative[negative])
 
 
 def _thin(points_ras: np.ndarray, geometry: Geometry, most: int) -> np.ndarray:

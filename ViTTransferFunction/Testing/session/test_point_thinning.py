@@ -19,9 +19,17 @@ def points(count: int, seed: int = 0) -> np.ndarray:
 
 
 def test_no_more_than_the_most_are_left_as_they_are() -> None:
-    repeated = np.repeat(points(1), MOST_POINTS - 10, axis=0)
-    requests = [ClassRequest("a", repeated, points(5)), ClassRequest("b", points(5))]
+    in_one_voxel = points(1) + np.random.default_rng(0).uniform(-1e-9, 1e-9, (MOST_POINTS - 10, 3))
+    requests = [ClassRequest("a", in_one_voxel, points(5)), ClassRequest("b", points(5))]
     assert all(thin is request for thin, request in zip(thinned(requests, GEOMETRY), requests, strict=True))
+
+
+def test_each_place_of_a_list_counts_once_where_it_came_first() -> None:
+    places = points(3)
+    again = ClassRequest("a", places[[0, 1, 0, 2, 1]], places[[2, 2]])
+    (once,) = thinned([again], GEOMETRY)
+    np.testing.assert_array_equal(once.positive, places)
+    np.testing.assert_array_equal(once.negative, places[2:])
 
 
 @pytest.mark.parametrize("count", [MOST_POINTS + 1, 5000, 50_000])
@@ -45,9 +53,10 @@ def test_points_in_one_voxel_count_once() -> None:
 
 @pytest.mark.parametrize("face", [-0.5, EDGES[0]])
 def test_points_that_were_rounded_beyond_a_face_lie_in_its_voxels(face: float) -> None:
-    beside = GEOMETRY.ijk_to_ras_points(np.array([[face - 5e-4, 10.0, 10.0], [face + 5e-4, 10.0, 10.0]]))
+    across = np.linspace((face - 5e-4, 10.0, 10.0), (face + 5e-4, 10.0, 10.0), 2 * MOST_POINTS)
+    beside = GEOMETRY.ijk_to_ras_points(across)
     assert GEOMETRY.contains(beside).all()
-    (request,) = thinned([ClassRequest("a", np.tile(beside, (MOST_POINTS, 1)))], GEOMETRY)
+    (request,) = thinned([ClassRequest("a", beside)], GEOMETRY)
     assert len(request.positive) == 1
 
 

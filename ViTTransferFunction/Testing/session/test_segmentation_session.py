@@ -118,6 +118,17 @@ def test_a_volume_in_units_so_large_that_single_precision_does_not_do_is_refused
         Volume(np.ldexp(volume.array.astype(np.float64), power), volume.geometry)
 
 
+def test_who_clicks_twice_on_the_same_place_says_no_more_than_once(session: SegmentationSession, spheres: Spheres) -> None:
+    centre = centre_ras(spheres, 1)
+    inside, outside = np.concatenate([centre, centre + 4.0, centre - 6.0]), np.concatenate([centre + 9.0, centre - 12.0])
+    once = session.segment([ClassRequest("sphere", inside, negative=outside)])
+    for place in range(3):
+        again = ClassRequest("sphere", inside[[0, 1, 2, place]], negative=outside[[0, 1, 0]])
+        found = session.segment([again])
+        np.testing.assert_array_equal(found.labels, once.labels)
+        assert found.classes[0].iso == once.classes[0].iso
+
+
 @pytest.mark.slow
 def test_tens_of_thousands_of_points_are_segmented_and_keep_all_their_parts(
     session: SegmentationSession, spheres: Spheres

@@ -175,7 +175,8 @@ def as_points(points: Any, what: str) -> np.ndarray:
         points = np.array([[float(coordinate) for coordinate in point] for point in points], dtype=np.float64).reshape(-1, 3)
     if not isinstance(points, np.ndarray) or points.dtype.kind not in "iuf":
         raise _no_points(points, what)
-    array = np.array(points, dtype=np.float64)
+    # Of -0, which turning LPS into RAS makes of 0, nothing is left: places are the same where their bytes are.
+    array = np.array(points, dtype=np.float64) + 0.0
     if array.size == 0 and array.ndim <= 2 and not len(array):
         return no_points()
     if array.ndim != 2 or array.shape[1] != 3 or not (np.abs(array) <= FARTHEST).all():
