@@ -126,13 +126,15 @@ def block_means(array: np.ndarray, blocks: tuple[int, int, int]) -> np.ndarray:
         # A few slices at a time, so that no copy of the volume is made.
         slices = array[index * len(array) // count : -(-(index + 1) * len(array) // count)].astype(np.float32)
         finite = np.isfinite(slices)
-        if finite.all():
-            # The same as below, in half of the time.
-            means[index] = _pooled(slices.sum(axis=0)[None], rows, columns)[0] / np.float32(len(slices))
-            continue
-        sums = np.stack([np.where(finite, slices, 0.0).sum(axis=0), finite.sum(axis=0, dtype=np.float32)])
-        total, known = _pooled(sums, rows, columns)
-        means[index] = np.where(known > 0.0, total / np.maximum(known, np.float32(1e-6)), np.nan)
+        # Of the largest number that there is, which stands in some scans for what was not measured, sums are infinite.
+        with np.errstate(over="ignore"):
+            if finite.all():
+                # The same as below, in half of the time.
+                means[index] = _pooled(slices.sum(axis=0)[None], rows, columns)[0] / np.float32(len(slices))
+                continue
+            sums = np.stack([np.where(finite, slices, 0.0).sum(axis=0), finite.sum(axis=0, dtype=np.float32)])
+            total, known = _pooled(sums, rows, columns)
+            means[index] = np.where(known > 0.0, total / np.maximum(known, np.float32(1e-6)), np.nan)
     return means
 
 
@@ -145,7 +147,8 @@ def _pooled(images: np.ndarray, rows: int, columns: int) -> np.ndarray:
 
 def _in_units(means: np.ndarray, window: IntensityWindow) -> np.ndarray:
     """Mean intensities, NaN where there is none, in `UNITS_PER_WINDOW` from the middle of the window, int16."""
-    units = (means - np.float32(0.5 * (window.low + window.high))) * np.float32(UNITS_PER_WINDOW / window.width)
+    with np.errstate(over="ignore"):
+        units = (means - np.float32(0.5 * (window.low + window.high))) * np.float32(UNITS_PER_WINDOW / window.width)
     in_range = np.clip(np.rint(units), -_FURTHEST, _FURTHEST)
     whole_numbers: np.ndarray = np.where(np.isnan(units), UNKNOWN, in_range).astype(np.int16)
     return whole_numbers

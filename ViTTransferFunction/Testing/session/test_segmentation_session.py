@@ -95,6 +95,25 @@ def test_in_whatever_unit_a_volume_comes_it_is_segmented_alike(
     np.testing.assert_array_equal(scaled.segment(requests).labels, session.segment(requests).labels)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("padding", [-9999.0, -1e10, float(np.finfo(np.float32).min)])
+def test_a_volume_that_is_padded_with_what_no_scanner_measures_is_segmented_as_if_it_were_masked(
+    session: SegmentationSession, spheres: Spheres, padding: float
+) -> None:
+    volume, labels = spheres
+    padded = np.indices(volume.shape)[0] < np.argwhere(labels > 0)[:, 0].min() - 1
+
+    def labels_of(outside: float) -> np.ndarray:
+        of_scan = SegmentationSession(Volume(np.where(padded, outside, volume.array), volume.geometry), session.preset)
+        of_scan.use_features(session.features.source)
+        return of_scan.segment(requests_of(spheres)).labels
+
+    found, masked = labels_of(padding), labels_of(np.nan)
+    for label in (1, 2, 3):
+        assert dice(found == label, labels == label) > 0.9
+        assert dice(found == label, masked == label) > 0.95
+
+
 def test_as_far_away_as_a_volume_may_lie_it_is_segmented_alike(session: SegmentationSession, spheres: Spheres) -> None:
     volume, labels = spheres
     matrix = volume.geometry.ijk_to_ras.copy()

@@ -19,6 +19,9 @@ NARROWEST = 1e-35
 LOWEST_CT = -4096.0
 """Hounsfield units: no CT measures less, and most that is written where nothing was measured is more."""
 
+FAR_BELOW = 2.0
+"""How far below all that was measured a value lies that stands for what was not, of what the measured ones span."""
+
 SAMPLE_SIZE = 2_000_000
 """Percentiles are taken over at most this many voxels, spread evenly: more would only take longer."""
 
@@ -50,7 +53,9 @@ class IntensityWindow:
 
     def apply(self, intensities: np.ndarray) -> np.ndarray:
         """Intensities of any shape to float32 in [0, 1]; +inf becomes 1, NaN and -inf become 0."""
-        scaled = (np.asarray(intensities, dtype=np.float32) - np.float32(self.low)) / np.float32(self.width)
+        # The largest number that there is stands in some scans for what was not measured.
+        with np.errstate(over="ignore"):
+            scaled = (np.asarray(intensities, dtype=np.float32) - np.float32(self.low)) / np.float32(self.width)
         shown: np.ndarray = np.clip(np.nan_to_num(scaled, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)
         return shown
 
@@ -103,9 +108,18 @@ def display_window(volume: Volume) -> IntensityWindow:
 def percentile_window(volume: Volume, outside_percent: float = 0.5) -> IntensityWindow:
     """The window that leaves `outside_percent` of the finite voxels out at either end.
 
-    Falls back to the full range where almost all voxels are equal, so that the window never collapses.
+    Of a scan that is padded with one value far below all else, and below what any scanner measures, it is that of all else: in
+    a window that begins with the padding, everything would be one grey. Falls back to the full range where almost all voxels
+    are equal, so that the window never collapses.
     """
-    low, high = quantiles(finite_sample(volume), np.array([outside_percent, 100.0 - outside_percent]) / 100.0)
+    sample = finite_sample(volume)
+    shares = np.array([outside_percent, 100.0 - outside_percent]) / 100.0
+    low, high = quantiles(sample, shares)
+    if low < LOWEST_CT and low == sample.min() < high:
+        measured = sample[sample > low]
+        lowest = measured.min()
+        if lowest < high and lowest - low > FAR_BELOW * (high - lowest):
+            low, high = quantiles(measured, shares)
     if low < high:
         return IntensityWindow(float(low), float(high))
     return full_range_window(volume)

@@ -69,6 +69,22 @@ def test_where_nearly_all_voxels_are_equal_the_others_are_seen() -> None:
     assert display_window(volume_of(array)) == IntensityWindow(0.0, 7.0)
 
 
+@pytest.mark.parametrize("padding", [-8192.0, -32768.0, -1e10, float(np.finfo(np.float32).min)])
+def test_what_is_padded_with_what_no_scanner_measures_has_the_window_of_what_was_measured(padding: float) -> None:
+    mr = np.random.default_rng(0).uniform(10.0, 1200.0, (30, 30, 30))
+    measured = percentile_window(volume_of(mr[8:]))
+    mr[:8] = padding
+    assert percentile_window(volume_of(mr)) == measured
+
+
+@pytest.mark.parametrize("lowest", [0.0, -1024.0, -32768.0])
+def test_what_was_measured_belongs_to_the_window_however_low_it_is(lowest: float) -> None:
+    """A background of one value, close below all else or where scanners measure, is as dark as it is."""
+    scan = lowest + np.random.default_rng(0).uniform(500.0, 1200.0, (30, 30, 30))
+    scan[:8] = lowest
+    assert percentile_window(volume_of(scan)).low == lowest
+
+
 def test_one_metal_voxel_does_not_move_the_window() -> None:
     array = np.random.default_rng(0).uniform(0.0, 100.0, (30, 30, 30))
     before = percentile_window(volume_of(array))
@@ -82,6 +98,12 @@ def test_a_window_maps_to_zero_and_one_also_where_voxels_are_not_finite() -> Non
     window = IntensityWindow(-100.0, 300.0)
     mapped = window.apply(np.array([-1e9, -100.0, 100.0, 300.0, 1e9, np.nan, np.inf, -np.inf]))
     np.testing.assert_allclose(mapped, [0, 0, 0.5, 1, 1, 0, 1, 0])
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_window_narrower_than_1_maps_the_largest_numbers_that_there_are() -> None:
+    largest = float(np.finfo(np.float32).max)
+    np.testing.assert_array_equal(IntensityWindow(0.0, 0.5).apply(np.array([-largest, 0.25, largest])), [0.0, 0.5, 1.0])
 
 
 @pytest.mark.parametrize(
