@@ -112,9 +112,9 @@ def test_points_against_a_class_are_its_negative_ones_and_those_of_others_that_i
 
 
 def test_a_zero_with_a_sign_is_the_same_place() -> None:
-    without, signed = [[0.0, 1.0, 0.0]], [[-0.0, 1.0, -0.0]]
+    without, signed = np.array([[0.0, 1.0, 0.0]]), np.array([[-0.0, 1.0, -0.0]])
     assert ClassRequest("a", without) == ClassRequest("a", signed)
-    assert len(different_places(ClassRequest("a", without + signed).positive)) == 1
+    assert len(different_places(ClassRequest("a", np.concatenate([without, signed])).positive)) == 1
 
 
 def test_each_place_counts_once_where_it_comes_first() -> None:
