@@ -158,6 +158,19 @@ def test_the_tab_key_leads_to_every_control_and_shows_where_it_is(page: AppPage)
     assert unseen == []
 
 
+def test_no_digit_that_is_pressed_in_a_view_has_it_drawn_for_coloured_glasses(page: AppPage) -> None:
+    page["view-Red"].locator(".remote-controlled-area").focus()
+    page.page.keyboard.press("3")
+    # What is drawn next, and so after the digit.
+    before = page["slice-Red"].input_value()
+    page.page.keyboard.press("f")
+    page.page.wait_for_function("before => document.querySelector('[data-testid=slice-Red]').value !== before", arg=before)
+    page["view-Red"].locator(".remote-controlled-area").evaluate("one => one.blur()")
+    page.wait_for_picture("Red", lambda picture: picture[100:-100, 100:-100].max() > 100)
+    picture = page.picture("Red")[100:-100, 100:-100].astype(int)
+    assert np.abs(picture[..., 0] - picture[..., 1]).max() < 40
+
+
 def test_screen_readers_have_a_name_for_every_control(page: AppPage) -> None:
     nodes = page.page.context.new_cdp_session(page.page).send("Accessibility.getFullAXTree")["nodes"]
     controls = [node for node in nodes if not node.get("ignored") and _value(node, "role") in NAMED_ROLES]

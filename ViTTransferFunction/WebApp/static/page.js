@@ -70,6 +70,12 @@
     event.preventDefault();
   });
 
+  // The views themselves would send letters and digits twice, as keys, which Slicer's views go by, and as characters. For these, VTK has
+  // meanings of its own, of which nothing tells: 3 has a view drawn in red and blue, for glasses, until it is pressed again there.
+  window.addEventListener("keypress", (event) => {
+    if (event.target.closest("[data-view]")) event.stopPropagation();
+  }, { capture: true });
+
   // The selected structure comes into sight in its table, and nothing else moves: users who go from one to the next may be
   // looking at settings further down.
   let inSight = "";
