@@ -51,6 +51,7 @@ def build_page(server: Any, contexts: list[str]) -> None:
         "contexts": [{"name": name, "text": context_words().get(name, name)} for name in contexts],
         "windows": [],
         "views": list(VIEWS),
+        "view_names": VIEWS,
         "enlarged": "",
         # What is being typed in a field: each change of the state fills all fields anew. An end of a window is among these as
         # soon as it has the keyboard: the answer to the other end may write it with other digits, which typing would append to.

@@ -109,21 +109,26 @@ class SlicerViews:
         self._keep_sides(view_id, view)
         self._add_scale_bar(view_id, view)
         self._add_probe(view_id, view)
+        letter = f"sides_{view_id}[{slider.value} < 0 ? 'negative' : 'positive']"
+        # As many digits as tell a slice from the next: of small specimens, several lie within a tenth of a millimetre.
+        digits = f"Math.min(Math.max(1, Math.ceil(-Math.log10({slider.step}) - 1e-6)), 6)"
+        place = f"{letter} + ' ' + Math.abs({slider.value}).toFixed({digits}) + ' mm'"
         with html.Div(classes="slice-row"):
             html.Input(
                 type="range",
                 classes="slice",
-                raw_attrs=[f'aria-label="{VIEWS[view_id]} slice"', f'data-testid="slice-{view_id}"'],
+                raw_attrs=[
+                    f'aria-label="{VIEWS[view_id]} slice"',
+                    f':aria-valuetext="{place}"',
+                    f'data-testid="slice-{view_id}"',
+                ],
                 min=(slider.min_value,),
                 max=(slider.max_value,),
                 step=(slider.step,),
                 value=(slider.value,),
                 input=f"{slider.value} = Number($event.target.value)",
             )
-            letter = f"sides_{view_id}[{slider.value} < 0 ? 'negative' : 'positive']"
-            # As many digits as tell a slice from the next: of small specimens, several lie within a tenth of a millimetre.
-            digits = f"Math.min(Math.max(1, Math.ceil(-Math.log10({slider.step}) - 1e-6)), 6)"
-            html.Span(f"{{{{ {letter} }}}} {{{{ Math.abs({slider.value}).toFixed({digits}) }}}} mm", classes="offset")
+            html.Span(f"{{{{ {place} }}}}", classes="offset")
 
     def _add_scale_bar(self, view_id: str, view: SliceView) -> None:
         name = f"scale_{view_id}"

@@ -158,6 +158,15 @@ def test_the_tab_key_leads_to_every_control_and_shows_where_it_is(page: AppPage)
     assert unseen == []
 
 
+@pytest.mark.parametrize("view", ["Red", "ThreeD"])
+def test_a_view_that_the_tab_key_leads_to_is_outlined_where_it_is_not_cut_off(page: AppPage, view: str) -> None:
+    focused = f"document.activeElement.matches('[data-view={view}] .remote-controlled-area')"
+    while not page.page.evaluate(focused):
+        page.page.keyboard.press("Tab")
+    at_right_edge = np.median(page.picture(view)[:, -3:], axis=0).tolist()
+    assert [108, 180, 238] in at_right_edge
+
+
 def test_no_digit_that_is_pressed_in_a_view_has_it_drawn_for_coloured_glasses(page: AppPage) -> None:
     page["view-Red"].locator(".remote-controlled-area").focus()
     page.page.keyboard.press("3")
@@ -169,6 +178,14 @@ def test_no_digit_that_is_pressed_in_a_view_has_it_drawn_for_coloured_glasses(pa
     page.wait_for_picture("Red", lambda picture: picture[100:-100, 100:-100].max() > 100)
     picture = page.picture("Red")[100:-100, 100:-100].astype(int)
     assert np.abs(picture[..., 0] - picture[..., 1]).max() < 40
+
+
+def test_screen_readers_are_told_of_which_view_a_button_is_and_where_its_slice_lies(page: AppPage) -> None:
+    for name in ("Axial", "3D", "Coronal", "Sagittal"):
+        view = page.page.get_by_role("group", name=name, exact=True)
+        assert view.get_by_role("button", name="Enlarge").count() == 1, name
+    shown = page["view-Red"].locator(".offset").inner_text()
+    assert page["slice-Red"].get_attribute("aria-valuetext") == shown
 
 
 def test_screen_readers_have_a_name_for_every_control(page: AppPage) -> None:
