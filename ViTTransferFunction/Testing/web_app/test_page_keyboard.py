@@ -220,6 +220,19 @@ def test_a_hand_that_shakes_presses_what_it_is_on(page: AppPage, control: str) -
     page.wait_for_state("state.get('tool') === ''")
 
 
+def test_buttons_that_are_pressed_again_and_again_stay_where_they_are(page: AppPage) -> None:
+    page["larger"].scroll_into_view_if_needed()
+    before, sizes = page["larger"].bounding_box(), ["as chosen"]
+    while page["larger"].is_enabled():
+        page["larger"].click()
+        is_new = "text => document.querySelector('[data-testid=size-text]').textContent !== text"
+        page.page.wait_for_function(is_new, arg=sizes[-1])
+        sizes.append(page["size-text"].inner_text())
+        assert page["larger"].bounding_box() == before, sizes
+    assert len(sizes) > 3
+    page["size-as-chosen"].click()
+
+
 def test_of_many_structures_that_were_not_saved_five_are_named(page: AppPage) -> None:
     kept = {"points": 9, "when_ms": 0, "names": list("ABCDEFG")}
     page.page.evaluate("(kept) => window.trame.state.set('restorable', kept)", kept)
