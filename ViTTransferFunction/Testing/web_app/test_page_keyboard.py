@@ -241,6 +241,24 @@ def test_of_many_structures_that_were_not_saved_five_are_named(page: AppPage) ->
     page["restorable"].wait_for(state="detached")
 
 
+def test_however_many_warnings_there_are_the_table_of_structures_stays_in_sight(page: AppPage) -> None:
+    page.page.set_viewport_size({"width": 1280, "height": 640})
+    set_status = "status => window.trame.state.set('status', status)"
+    before = page.page.evaluate("window.trame.state.get('status')")
+    try:
+        page.page.evaluate("document.querySelector('.sections').scrollTop = 0")
+        warnings = "\n".join(f"⚠ Structure {number}: 2 points outside the volume do not count." for number in range(20))
+        page.page.evaluate(set_status, warnings)
+        page["status"].get_by_text("Structure 19").wait_for()
+        page.wait_for_drawing()
+        page.keep_picture("many warnings")
+        box, end = page["class-0"].bounding_box(), page["write-segments"].bounding_box()
+        assert box["y"] + box["height"] < end["y"]
+    finally:
+        page.page.evaluate(set_status, before)
+        page.page.set_viewport_size({"width": 1280, "height": 800})
+
+
 def test_who_stopped_the_features_halfway_is_told_that_coarse_ones_answer(page: AppPage) -> None:
     set_state = "([name, value]) => window.trame.state.set(name, value)"
     page.page.evaluate(set_state, ["annotated", True])
