@@ -134,6 +134,8 @@ class Routes:
 
     async def _send(self, request: web.Request, name: str, stage: Callable[[Path], None], pack: Pack) -> web.StreamResponse:
         """Send what `stage` writes, quickly, and `pack` compresses while everything else goes on."""
+        self._app.try_again(request.path)
+        self._app.refresh()
         try:
             with private_folder() as folder:
                 # A session has a folder in it of this name, and not every program reads every alphabet in archives.
@@ -144,7 +146,7 @@ class Routes:
                 # Whole, before the folder goes.
                 return await _sent(request, path, name)
         except InputError as error:
-            self._app.report(str(error))
+            self._app.report(str(error), request.path)
             self._app.refresh()
             # The page tells why. With any content, browsers would keep that as a file, or go to it.
             return web.Response(status=204)

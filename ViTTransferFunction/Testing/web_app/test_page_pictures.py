@@ -81,6 +81,22 @@ def test_a_picture_of_no_possible_size_is_refused_in_words(with_ball: Callable[[
     with_ball(journey)
 
 
+def test_why_there_was_no_picture_is_told_once_and_until_there_is_one(with_ball: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        async with browser_of(app) as browser:
+            assert (await status_and_body(browser, "/download/picture?width=99999&height=48"))[0] == 204
+            app.actions("film", 99999, 48, 8, ".gif")
+            assert app.server.state.message.count("The size of a picture has 99999") == 1
+            app.actions("film", 99, 48, "", ".gif")
+            assert (await status_and_body(browser, "/download/picture?width=99999&height=48"))[0] == 204
+            assert "The size of a picture has 99999" in app.server.state.message
+            assert (await status_and_body(browser, "/download/picture?width=64&height=48"))[0] == 200
+        assert "The size of a picture" not in app.server.state.message
+        app.close_messages()
+
+    with_ball(journey)
+
+
 def test_a_camera_is_relative_to_the_structures_and_found_again(
     with_ball: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:

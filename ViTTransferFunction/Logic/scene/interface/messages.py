@@ -19,7 +19,9 @@ class Messages:
             solved: whether its cause is gone.
             about: what the user tried; of one thing, only the last message stands. Empty: of nothing that is tried again.
         """
-        self._standing.pop(about or message, None)
+        self._standing.pop(about, None)
+        # Two things may fail for one reason, which is told once.
+        self._standing = {other: standing for other, standing in self._standing.items() if standing[0] != message}
         self._standing[about or message] = message, solved
 
     def try_again(self, about: str) -> None:
