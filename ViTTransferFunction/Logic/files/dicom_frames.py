@@ -28,6 +28,9 @@ SAME_DISTANCE = 0.01
 LARGEST_TURN = 0.01
 """By which entries of the frames' directions may differ: that of rounding."""
 
+POSITION, ORIENTATION, PIXEL_SIZE = "0020|0032", "0020|0037", "0028|0030"
+"""Tags of where the first pixel of a slice lies, of how its rows and columns run, and of how far apart its pixels are."""
+
 
 def frame_positions(path: Path, image: sitk.Image, on_warning: Callable[[str], None]) -> np.ndarray | None:
     """Where the frames of a file lie; the image is given the size of their pixels where ITK has lost it.
@@ -64,6 +67,17 @@ def frame_positions(path: Path, image: sitk.Image, on_warning: Callable[[str], N
         )
     warn_of_gaps(path, heights, [f"frame {number}" for number in range(1, frames + 1)], on_warning)
     return positions
+
+
+def says_of_frames(path: Path, tag: str) -> bool:
+    """Whether a DICOM file says `POSITION`, `ORIENTATION` or `PIXEL_SIZE` in functional groups, from where ITK takes it.
+
+    An enhanced image may have a single frame, and be one of the slices of a series.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    return len(_numbers(path, *_IN_GROUPS[tag], most=1)) > 0
 
 
 def with_frame_scales(path: Path, image: sitk.Image) -> sitk.Image:
@@ -165,6 +179,8 @@ _POSITION = _in_sequence(b"\x20\x00\x13\x91", b"\x20\x00\x32\x00")
 _ORIENTATION = _in_sequence(b"\x20\x00\x16\x91", b"\x20\x00\x37\x00")
 # Before it are how thick a slice is and how far it is to the next, two numbers as text.
 _PIXEL_SPACING = _in_sequence(b"\x28\x00\x10\x91", b"\x28\x00\x30\x00", behind=64)
+_IN_GROUPS = {POSITION: (_POSITION, 3), ORIENTATION: (_ORIENTATION, 6), PIXEL_SIZE: (_PIXEL_SPACING, 2)}
+"""Where each is in functional groups, and how many numbers it has."""
 _INTERCEPT = _in_sequence(b"\x28\x00\x45\x91", b"\x28\x00\x52\x10")
 # Before it is the intercept.
 _SLOPE = _in_sequence(b"\x28\x00\x45\x91", b"\x28\x00\x53\x10", behind=32)

@@ -12,12 +12,9 @@ import SimpleITK as sitk  # noqa: N813
 
 from ..core.system.errors import InputError
 from .dicom_encoding import require_memory_to_unpack
-from .dicom_frames import LARGEST_TURN
+from .dicom_frames import LARGEST_TURN, ORIENTATION, PIXEL_SIZE, POSITION, says_of_frames
 from .dicom_kind import instead_of_scan
 from .image_headers import DICOM_READER
-
-POSITION, ORIENTATION, PIXEL_SIZE = "0020|0032", "0020|0037", "0028|0030"
-"""Tags of where the first pixel of a slice lies, of how its rows and columns run, and of how far apart its pixels are."""
 
 ROUNDED_DIRECTION = 0.05
 """By so much may numbers of a direction differ from those of length 1 that were taken for it."""
@@ -34,8 +31,8 @@ class DicomSlice:
         size: (I, J, K); K is 1 but where a file has several frames.
         pixel_mm: between the middles of pixels along I and J, (2,), millimetres; 0 where its header has something else than
             numbers there, of which ITK makes anything.
-        unsaid: which of `POSITION`, `ORIENTATION` and `PIXEL_SIZE` its header does not say, at least not where those of slices
-            do, or not as they can be. ITK takes 0, axial, and 1 mm.
+        unsaid: which of `POSITION`, `ORIENTATION` and `PIXEL_SIZE` its header does not say, neither where those of slices do
+            nor where those of frames do, or not as they can be. ITK takes 0, axial, and 1 mm.
         kind: of number that ITK makes of its pixels. Each slice may be scaled in a way of its own, as in PET.
         components: of each pixel; more than one in pictures in colour.
         is_inverted: whether the lowest number is white (MONOCHROME1). ITK, and so Slicer, then exchanges high and low ones.
@@ -89,7 +86,7 @@ def read_slice(path: Path, traits: Sequence[str] = ()) -> DicomSlice:
         _directions(reader),
         (width, height, frames),
         _pixel_mm(reader),
-        frozenset(_unsaid(reader)),
+        frozenset(tag for tag in _unsaid(reader) if not says_of_frames(path, tag)),
         reader.GetPixelID(),
         reader.GetNumberOfComponents(),
         _text(reader, "0028|0004") == "MONOCHROME1",
@@ -151,6 +148,7 @@ def number_of(text: str) -> float | None:
 
 
 def _unsaid(reader: sitk.ImageFileReader) -> Iterator[str]:
+    """What is not said where slices say it."""
     if not _text(reader, POSITION):
         yield POSITION
     if not _says_orientation(reader):

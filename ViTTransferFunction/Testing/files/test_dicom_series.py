@@ -158,7 +158,7 @@ def test_a_series_whose_last_slice_was_cut_off_is_read_with_a_warning(
 
 ASCENDING = [0.0, 2.0, 4.0, 6.0, 8.0]
 ENHANCED_CT, ULTRASOUND = "1.2.840.10008.5.1.4.1.1.2.1", "1.2.840.10008.5.1.4.1.1.3.1"
-AXIAL, CORONAL = "1\\0\\0\\0\\1\\0", "1\\0\\0\\0\\0\\-1"
+AXIAL, CORONAL, A_QUARTER_TURN = "1\\0\\0\\0\\1\\0", "1\\0\\0\\0\\0\\-1", "0\\1\\0\\-1\\0\\0"
 
 
 def element(group: int, number: int, kind: str, value: bytes | str | int) -> bytes:
@@ -501,6 +501,23 @@ def test_of_several_files_of_several_frames_each_is_a_volume(tmp_path: Path) -> 
     for number, line in zip((1, 2, 3), several.value.lines, strict=True):
         volume = read_volume(tmp_path, pytest.fail, line)
         assert volume.array[:, 3, 3].tolist() == [10 * (height + number) for height in ASCENDING]
+
+
+def test_of_slices_that_say_where_they_lie_as_frames_do_there_is_no_warning(tmp_path: Path) -> None:
+    """Of enhanced images, with a single frame each."""
+    for height in ASCENDING:
+        write_frames(tmp_path / f"{height:.0f}.dcm", [height], [A_QUARTER_TURN])
+
+    volume = read_volume(tmp_path, pytest.fail)
+
+    np.testing.assert_allclose(volume.geometry.ijk_to_ras[:3, :3], [[0, 1.5, 0], [-1.25, 0, 0], [0, 0, 2]], atol=1e-6)
+
+
+def test_of_two_such_slices_at_one_place_it_is_the_place_that_is_wrong(tmp_path: Path) -> None:
+    for name, height in {"a": 0.0, "b": 2.0, "c": 4.0, "copy of b": 2.0}.items():
+        write_frames(tmp_path / f"{name}.dcm", [height])
+    with pytest.raises(InputError, match=r"has two slices at one place: b\.dcm and copy of b\.dcm"):
+        read_volume(tmp_path)
 
 
 def test_beside_a_file_of_several_frames_a_scout_of_its_series_is_passed_over(tmp_path: Path) -> None:
