@@ -115,7 +115,10 @@ def named_voxels(path: Path) -> str | None:
 
 
 def says_spacing(path: Path) -> bool:
-    """Whether the header of a file says how far apart its voxels are. Where it does not, ITK, and so Slicer, takes 1 mm.
+    """Whether the header of a file says how far apart its voxels are along all three axes.
+
+    Where it does not, ITK, and so Slicer, takes 1 mm. In NRRD, joined slices have a spacing that is no number, and so have axes
+    that are none of space.
 
     Raises:
         InputError: the file cannot be read, or is of no known format.
@@ -123,7 +126,8 @@ def says_spacing(path: Path) -> bool:
     reader, start = image_format(path).reader, read_start(path)
     if reader == "NrrdImageIO":
         fields = _nrrd_fields(start)
-        return any(re.search(r"\d", fields.get(field, "")) for field in ("spacings", "spacedirections"))
+        numbers = [number for number in fields.get("spacings", "").split() if re.search(r"\d", number)]
+        return len(numbers) >= 3 or bool(re.search(r"\d", fields.get("spacedirections", "")))
     if reader == "MetaImageIO":
         return not {"ElementSpacing", "ElementSize"}.isdisjoint(_fields(start, "="))
     return True

@@ -314,7 +314,13 @@ def write_with_header(path: Path, fields: dict[str, str]) -> Path:
 
 @pytest.mark.parametrize(
     ("ending", "fields"),
-    [("nrrd", {}), ("nrrd", {"spacings": "nan nan nan"}), ("nrrd", {"note:=spacings": "1 1 1"}), ("mha", {})],
+    [
+        ("nrrd", {}),
+        ("nrrd", {"spacings": "nan nan nan"}),
+        ("nrrd", {"spacings": "1 1 NaN"}),
+        ("nrrd", {"note:=spacings": "1 1 1"}),
+        ("mha", {}),
+    ],
 )
 def test_a_file_that_does_not_say_how_large_its_voxels_are_is_warned_of(
     tmp_path: Path, ending: str, fields: dict[str, str]
