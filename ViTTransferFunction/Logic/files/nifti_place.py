@@ -10,16 +10,21 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
 from ..core.system.errors import InputError
+from ..core.volumes.geometry import Geometry
 from .straightening import LARGEST_DEVIATION
 
 SCANNER = 1
 """The code of coordinates that are the scanner's own, NIFTI_XFORM_SCANNER_ANAT."""
+
+_UNIT_OF_SPACE, _UNITS_MM = 7, {1: 1000.0, 3: 0.001}
+"""The bits of `xyzt_units` that are of lengths, and those that are no millimetres: NIFTI_UNITS_METER and _MICRON."""
 
 LONGEST_QUATERNION = 1.01
 """Sum of the squares of b, c and d, which no rotation has beyond 1 but by rounding."""
@@ -73,45 +78,70 @@ def _codes(header: bytes, order: str) -> tuple[int, int]:
     return qform_code, sform_code
 
 
-def warn_of_lost_shift(path: Path, image: sitk.Image, on_warning: Callable[[str], None]) -> None:
-    """Warn where slices are shifted against each other by `sform`: ITK then goes by `qform`, which cannot say that.
+def warn_of_place(path: Path, image: sitk.Image, geometry: Geometry, on_warning: Callable[[str], None]) -> None:
+    """Warn where ITK, and so Slicer, has a scan elsewhere than its `sform` or other programs do, of one reason at most.
 
     Args:
         path: of the file.
         image: as ITK read it; of another format than NIfTI, nothing is found.
-        on_warning: is told how far off positions are.
+        geometry: of the image.
+        on_warning: is told how far off positions are, or along which axes it is mirrored.
     """
+    told = _mirrored(image)
+    sform = _sform(image)
+    if not told and sform is not None:
+        told = _lost_shift(image, sform) or _other_place(image, sform, geometry)
+    if told:
+        on_warning(f"{path}{told}")
+
+
+def _mirrored(image: sitk.Image) -> str:
+    """What to tell where a size of voxels is below zero beside a place: other programs pass over the sign; "" elsewhere."""
+    if not any(image.HasMetaDataKey(code) and image.GetMetaData(code) != "0" for code in ("qform_code", "sform_code")):
+        return ""
+    mirrored = [name for axis, name in enumerate("ijk", start=1) if float(image.GetMetaData(f"pixdim[{axis}]")) < 0.0]
+    if not mirrored:
+        return ""
+    return (
+        f" has voxel sizes below zero along {' and '.join(mirrored)}. It is read mirrored there, as 3D Slicer does, and other "
+        "programs do not: left and right may be exchanged. Check the sides, or save it again from its source."
+    )
+
+
+def _sform(image: sitk.Image) -> np.ndarray | None:
+    """The matrix (3, 4), in the header's own unit; None where there is none that has axes."""
     if not image.HasMetaDataKey("sform_code") or image.GetMetaData("sform_code") == "0":
-        return
-    rows = (image.GetMetaData(f"srow_{axis}").split()[:3] for axis in "xyz")
-    axes = np.array([[float(number) for number in row] for row in rows])
-    if np.linalg.matrix_rank(axes) < 3:
-        return
+        return None
+    sform = np.array([[float(number) for number in image.GetMetaData(f"srow_{axis}").split()[:4]] for axis in "xyz"])
+    return sform if np.linalg.matrix_rank(sform[:, :3]) == 3 else None
+
+
+def _lost_shift(image: sitk.Image, sform: np.ndarray) -> str:
+    """What to tell where slices are shifted against each other by `sform`: ITK then goes by `qform`, which cannot say that."""
     spacing, (*_, slices) = image.GetSpacing()[:3], image.GetSize()[:3]
-    along, across, step = axes.T * (spacing[0] / np.linalg.norm(axes[:, 0]))  # In millimetres, whatever the header's unit.
+    along, across, step = sform[:, :3].T * (spacing[0] / np.linalg.norm(sform[:, 0]))  # In millimetres, whatever the unit.
     normal = np.cross(along, across)
     shift_mm = (slices - 1) * float(np.linalg.norm(step - (step @ normal) / (normal @ normal) * normal))
-    if shift_mm > LARGEST_DEVIATION * min(spacing):
-        on_warning(
-            f"{path}: by its header's sform, slices are shifted against each other by up to {shift_mm:.1f} mm, as with a "
-            "tilted gantry. It is read by the qform, as 3D Slicer does, which has them straight above each other: positions "
-            "are off by as much. Name the folder with the DICOM files instead."
-        )
+    if shift_mm <= LARGEST_DEVIATION * min(spacing):
+        return ""
+    return (
+        f": by its header's sform, slices are shifted against each other by up to {shift_mm:.1f} mm, as with a tilted gantry. "
+        "It is read by the qform, as 3D Slicer does, which has them straight above each other: positions are off by as much. "
+        "Name the folder with the DICOM files instead."
+    )
 
 
-def warn_of_mirroring(path: Path, image: sitk.Image, on_warning: Callable[[str], None]) -> None:
-    """Warn where a size of voxels is below zero beside a place: ITK mirrors the scan by it, other programs pass over the sign.
-
-    Args:
-        path: of the file.
-        image: as ITK read it; of another format than NIfTI, nothing is found.
-        on_warning: is told along which axes.
-    """
-    if not any(image.HasMetaDataKey(code) and image.GetMetaData(code) != "0" for code in ("qform_code", "sform_code")):
-        return
-    mirrored = [name for axis, name in enumerate("ijk", start=1) if float(image.GetMetaData(f"pixdim[{axis}]")) < 0.0]
-    if mirrored:
-        on_warning(
-            f"{path} has voxel sizes below zero along {' and '.join(mirrored)}. It is read mirrored there, as 3D Slicer does, "
-            "and other programs do not: left and right may be exchanged. Check the sides, or save it again from its source."
-        )
+def _other_place(image: sitk.Image, sform: np.ndarray, geometry: Geometry) -> str:
+    """What to tell where ITK goes by a `qform` that leads elsewhere, as after a registration to another scan by SPM."""
+    in_a_unit_mm = _UNITS_MM.get(int(image.GetMetaData("xyzt_units")) & _UNIT_OF_SPACE, 1.0)
+    last = np.array(geometry.shape[::-1]) - 1
+    corners = np.array(list(product(*((0, index) for index in last))), dtype=float)
+    by_sform = (corners @ sform[:, :3].T + sform[:, 3]) * in_a_unit_mm
+    off_mm = float(np.linalg.norm(by_sform - geometry.ijk_to_ras_points(corners), axis=1).max())
+    if off_mm <= LARGEST_DEVIATION * float(geometry.spacing_mm.min()):
+        return ""
+    return (
+        f" lies in two places by its header, up to {off_mm:.1f} mm apart. It is read by the qform, as 3D Slicer does. Programs "
+        "that go by the sform, such as FSL and nibabel, have points elsewhere, and show segmentations beside the scan. To "
+        "use those as well, save it again with one place."
+    )

@@ -34,7 +34,7 @@ from .image_headers import (
 )
 from .itk_errors import last_line
 from .label_map_check import LABEL_INTENT, looks_like_labels
-from .nifti_place import warn_of_lost_shift, warn_of_mirroring
+from .nifti_place import warn_of_place
 from .straightening import straightened
 
 logger = logging.getLogger(__name__)
@@ -70,7 +70,7 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
         path: an image file, or a folder that holds a DICOM series, itself or in folders below.
         on_warning: is told where slices were put on a straight grid, and where some seem to be missing; which other series and
             files of the folder were passed over, since they are no volumes; where a header does not say how far apart voxels
-            are or how they lie, or other programs read it otherwise; where intensities were inverted; where an image may be in
+            are or how they lie, or other programs read it otherwise (`warn_of_place`); where intensities were inverted; where an image may be in
             metres; and where it looks like a map of labels.
         series: which of the folder's series, as `choose_series` takes it; None: the only one that can be a volume.
 
@@ -86,8 +86,8 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
     # Slices of DICOM say themselves where they lie, and what they are.
     is_dicom = is_folder(path) or image_format(path).reader == DICOM_READER
     image, positions = _read_dicom(path, on_warning, series) if is_dicom else (_read_file(path), None)
-    warn_of_lost_shift(path, image, on_warning)
-    warn_of_mirroring(path, image, on_warning)
+    geometry = _geometry(image, path)
+    warn_of_place(path, image, geometry, on_warning)
     if not is_dicom and not says_spacing(path):
         on_warning(
             f"{path.name} does not say how far apart its voxels are: 1 mm is taken, as 3D Slicer does. If that is wrong, "
@@ -99,7 +99,6 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
             "for the one to the back, and the third for the one to the head, as 3D Slicer does. Left and right may be "
             "exchanged: check the sides, or save it again from its source."
         )
-    geometry = _geometry(image, path)
     _check_millimetres(geometry, path, on_warning)
     array = _voxels(image)
     if not is_folder(path) and (stored := locate_voxels(path)):

@@ -111,6 +111,23 @@ def test_of_a_tilted_gantry_that_only_the_matrix_tells_of_there_is_a_warning(tmp
     assert ["shifted against each other by up to 6.3 mm" in warning for warning in warnings] == [True]
 
 
+@pytest.mark.parametrize(("units", "in_a_millimetre"), [(METRES, 1e-3), (MILLIMETRES, 1.0)])
+def test_of_a_rotation_that_leads_elsewhere_than_the_matrix_there_is_a_warning(
+    tmp_path: Path, units: int, in_a_millimetre: float
+) -> None:
+    """As after a registration by SPM, which changes the matrix alone: FSL and nibabel go by that."""
+    moved = np.array([[1.0, 0.0, 0.0, 4.0], [0.0, 1.0, 0.0, -3.0], [0.0, 0.0, 3.0, 0.0]]) * in_a_millimetre
+    in_place = {"xyzt_units": units, "pixdim": [1, *np.diag(moved), 0, 0, 0, 0], "qform_code": 1, "quatern": [0.0, 0.0, 0.0]}
+    warnings: list[str] = []
+
+    read_volume(written(tmp_path, srow=moved, sform_code=2, qoffset=[0.0, 0.0, 0.0], **in_place), warnings.append)
+
+    assert ["two places by its header, up to 5.0 mm apart. It is read by the qform" in text for text in warnings] == [True]
+    # Nobody is told where the matrix is gone by, nor where both say the same.
+    read_volume(written(tmp_path, srow=moved, sform_code=1, qoffset=[0.0, 0.0, 0.0], **in_place), pytest.fail)
+    read_volume(written(tmp_path, srow=moved, sform_code=2, qoffset=moved[:, 3], **in_place), pytest.fail)
+
+
 @pytest.mark.parametrize("place", [{}, {"sform_code": 0, **HALF_A_TURN}], ids=["matrix", "rotation"])
 def test_a_size_below_zero_by_which_a_scan_is_mirrored_is_warned_of(tmp_path: Path, place: dict[str, Any]) -> None:
     warnings: list[str] = []
