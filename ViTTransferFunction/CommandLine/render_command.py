@@ -208,6 +208,10 @@ def _read(args: argparse.Namespace) -> tuple[Volume, list[PictureSegment], list[
 
     volume = read_volume(args.volume, series=args.series)
     labels, geometry, segments = read_segmentation(args.segmentation)
+    if not labels.any():
+        raise InputError(
+            f"{args.segmentation} has no voxel of any segment: there is nothing to draw. Name one that has, or segment again."
+        )
     labels = resample_labels(labels, geometry, volume.geometry)
     if not labels.any():
         raise InputError(

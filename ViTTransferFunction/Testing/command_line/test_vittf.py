@@ -384,6 +384,16 @@ def test_a_segmentation_of_another_place_is_not_drawn(tmp_path: Path, scan: Path
     assert not (tmp_path / "p.png").exists()
 
 
+def test_of_a_segmentation_without_a_voxel_it_is_said_that_it_is_empty(
+    tmp_path: Path, scan: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And not that it was made on another volume."""
+    empty = sitk.ReadImage(str(scan)) * 0
+    sitk.WriteImage(sitk.Cast(empty, sitk.sitkUInt8), str(tmp_path / "labels.nrrd"))
+    message = refusal(["render", str(scan), str(tmp_path / "labels.nrrd"), "-o", str(tmp_path / "p.png")], capsys)
+    assert "has no voxel of any segment" in message
+
+
 def test_the_demo_segments_and_draws_three_structures(
     tmp_path: Path, real_weights: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
