@@ -15,7 +15,7 @@ from ViTTransferFunction.Logic.core.system.errors import InputError, shown
 from ViTTransferFunction.Logic.core.system.file_names import LONGEST_NAME_BYTES, is_device
 from ViTTransferFunction.Logic.core.system.regular_file import check_regular_file
 from ViTTransferFunction.Logic.files.annotation_files import ANNOTATIONS_ENDING
-from ViTTransferFunction.Logic.files.dicom_folder import FOLDERS_OF_SYSTEMS
+from ViTTransferFunction.Logic.files.dicom_folder import FOLDERS_OF_SYSTEMS, holds_dicom
 from ViTTransferFunction.Logic.files.image_headers import VOLUME_ENDINGS, volume_ending
 
 logger = logging.getLogger(__name__)
@@ -124,6 +124,9 @@ def _cases_of_rows(reader: csv.DictReader[str], path: Path) -> Iterator[Case]:
     missing = [column for column in COLUMNS if column not in reader.fieldnames]
     if missing:
         raise InputError(f"{path} has no column '{missing[0]}'; expected a first line with {','.join(COLUMNS)}.")
+    twice = [column for column in (*COLUMNS, SERIES_COLUMN) if reader.fieldnames.count(column) > 1]
+    if twice:
+        raise InputError(f"{path} has several columns called '{twice[0]}', with capitals or without; expected one. Rename the others.")
     folder = path.resolve().parent
     for row in reader:
         if not any("".join(value or "") for value in row.values()):
@@ -152,6 +155,8 @@ def _cases_in_folder(folder: Path) -> Iterator[Case]:
                 volumes.setdefault(path.name, []).append(path)
             elif inside:
                 yield Case(path.name, path, inside[0])
+            elif _holds_series(path):
+                volumes.setdefault(path.name, []).append(path)
         elif path.is_file() and (ending := volume_ending(path)):
             volumes.setdefault(path.name[: -len(ending)], []).append(path)
     for points in (path for path in visible if path.name.endswith(ANNOTATIONS_ENDING)):
@@ -174,6 +179,14 @@ def _is_hidden(path: Path) -> bool:
     Beside each file that a Mac copies to a shared disk, it puts one with `._` in front.
     """
     return path.name.startswith(".") or path.name.lower() in FOLDERS_OF_SYSTEMS
+
+
+def _holds_series(folder: Path) -> bool:
+    """Whether it, or a folder below, has DICOM files; one that cannot be looked through has none."""
+    try:
+        return holds_dicom(folder)
+    except InputError:
+        return False
 
 
 def _points_in(folder: Path) -> list[Path]:

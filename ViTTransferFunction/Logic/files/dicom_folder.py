@@ -109,6 +109,11 @@ def series_files(folder: Path) -> list[Path]:
     return own if any(map(_is_dicom, own)) else own + [path for path in _files_below(folder) if _is_dicom(path)]
 
 
+def holds_dicom(folder: Path) -> bool:
+    """Whether the folder, or one below, holds DICOM files. Raises InputError as `series_files` does."""
+    return any(map(_is_dicom, series_files(folder)))
+
+
 def read_content(folder: Path) -> FolderContent:
     """Read the headers of all DICOM files that `series_files` finds.
 

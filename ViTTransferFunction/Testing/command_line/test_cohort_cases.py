@@ -105,6 +105,7 @@ def test_lines_that_were_emptied_in_a_spreadsheet_are_passed_over(tmp_path: Path
     ("lines", "message"),
     [
         (["case,volume", "a,a.nrrd"], "no column 'annotations'"),
+        ([HEADING + ",age,Volume", "a,a.nrrd,a.json,63,1.5"], "several columns called 'volume', with capitals or without; expected one"),
         ([HEADING], "has no cases"),
         ([], "no column 'case'"),
         ([HEADING, "a,a.nrrd,"], "line 2"),
@@ -165,6 +166,15 @@ def test_a_folder_has_volumes_with_points_beside_them_and_dicom_folders_with_poi
         ("a.b", "a.b.nii.gz", "a.b.annotations.json"),
     ]
     assert "left out, without an annotations file: labels" in caplog.text
+
+
+@pytest.mark.parametrize("file", ["d/1.dcm", "d/study/1.dcm"])
+def test_a_dicom_folder_without_points_is_told_of(tmp_path: Path, caplog: pytest.LogCaptureFixture, file: str) -> None:
+    touch(tmp_path, "c/1.dcm", "c/annotations.json", "results/a.png", file)
+    (tmp_path / file).write_bytes(bytes(128) + b"DICM")
+    assert [case.name for case in read_cases(tmp_path)] == ["c"]
+    assert "left out, without an annotations file: d" in caplog.text
+    assert "results" not in caplog.text
 
 
 def test_the_folders_that_windows_has_at_the_top_of_a_disk_are_not_looked_into(
