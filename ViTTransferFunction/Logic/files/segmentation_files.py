@@ -15,7 +15,7 @@ from ..core.system.atomic_file import replacing
 from ..core.system.errors import InputError, shown
 from ..core.volumes.geometry import LPS_TO_RAS, Geometry
 from ..core.volumes.label_dtype import label_dtype
-from .image_headers import SEGMENTATION_ENDING, locate_voxels
+from .image_headers import DICOM_READER, SEGMENTATION_ENDING, image_format, locate_voxels
 from .itk_errors import last_line
 from .label_map_check import MOST_LABELS, looks_like_labels
 from .volume_files import read_geometry, read_image
@@ -82,9 +82,10 @@ def read_segmentation(path: Path) -> tuple[np.ndarray, Geometry, list[Segment]]:
         their numbers.
 
     Raises:
-        InputError: missing, unreadable, cut off, not of whole numbers, or the segments overlap (Slicer then stores several
-            layers), or two have one label.
+        InputError: missing, unreadable, cut off, DICOM, not of whole numbers, or the segments overlap (Slicer then stores
+            several layers), or two have one label.
     """
+    _check_is_no_dicom(path)
     labels, geometry, tags = read_image(path)
     _check_whole_numbers(labels, path)
     by_label = _segments_from_tags(tags, path) if is_slicer_segmentation(path) else _numbered_segments(labels, path)
@@ -92,6 +93,15 @@ def read_segmentation(path: Path) -> tuple[np.ndarray, Geometry, list[Segment]]:
     for index, label in enumerate(by_label):
         relabelled[labels == label] = index + 1
     return relabelled, geometry, list(by_label.values())
+
+
+def _check_is_no_dicom(path: Path) -> None:
+    """ITK makes one stack of all segments' frames, one segment above the other, and a single segment of their ones."""
+    if image_format(path).reader == DICOM_READER:
+        raise InputError(
+            f"{path} is a DICOM file; expected a Slicer segmentation ({SEGMENTATION_ENDING}) or a label map: "
+            f"{', '.join(LABEL_MAP_ENDINGS)}. Open it in 3D Slicer, and save the segmentation as {SEGMENTATION_ENDING}."
+        )
 
 
 def write_image(path: Path, array: np.ndarray, geometry: Geometry, tags: Mapping[str, str] | None = None) -> None:

@@ -14,6 +14,9 @@ from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, read_segmentation, write_segmentation
 from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Testing.files.test_dicom_series import write_frames
+
+DICOM_SEGMENTATION = "1.2.840.10008.5.1.4.1.1.66.4"
 
 RED = (1.0, 0.0, 0.0)
 TAGS = {
@@ -112,6 +115,14 @@ def test_segments_that_cannot_be_told_apart_or_shown_are_refused_with_what_to_do
     write_by_others(tmp_path / "others.seg.nrrd", labels, {**TAGS, **tags})
     with pytest.raises(InputError, match=message):
         read_segmentation(tmp_path / "others.seg.nrrd")
+
+
+def test_a_segmentation_of_dicom_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    """ITK would put the frames of its segments one above the other, as one segment."""
+    slices = [[0.0, 2.0, 4.0], [0.0, 2.0, 4.0]]
+    file = write_frames(tmp_path / "SEG.dcm", [height for segment in slices for height in segment], kind=DICOM_SEGMENTATION)
+    with pytest.raises(InputError, match=r"is a DICOM file; expected a Slicer segmentation .* save the segmentation as \.seg"):
+        read_segmentation(file)
 
 
 def test_segments_in_layers_are_refused_with_how_to_make_one_of_them(tmp_path: Path, labels: np.ndarray) -> None:
