@@ -90,10 +90,12 @@ class FolderContent:
         series: in the order of their numbers; of one that has several volumes at the same places, these.
         unread: DICOM files without a slice that can be read, cut off, or reports, outlines and the like; and why, with what
             was expected and what to do.
+        empty: files beside slices that hold nothing, and links that lead nowhere: slices, perhaps, that were not copied.
     """
 
     series: list[DicomSeries]
     unread: dict[Path, str]
+    empty: list[Path]
 
 
 def series_files(folder: Path) -> list[Path]:
@@ -133,7 +135,8 @@ def read_content(folder: Path) -> FolderContent:
         elif _is_dicom(path):
             unread[path] = found
     series = (each for slices in by_uid.values() for each in _volumes(slices, folder))
-    return FolderContent(sorted(series, key=_rank), unread)
+    slices = [one.path for ones in by_uid.values() for one in ones]
+    return FolderContent(sorted(series, key=_rank), unread, _empty_beside(slices))
 
 
 def is_of_system(name: str) -> bool:
@@ -142,6 +145,17 @@ def is_of_system(name: str) -> bool:
     Beside each file that a Mac copies to a shared disk or a stick, it puts one that is called the same but for `._` in front.
     """
     return name.startswith("._") or name.lower() in _FILES_OF_SYSTEMS
+
+
+def _empty_beside(slices: list[Path]) -> list[Path]:
+    """Files in the folders of slices that hold nothing but zeros, as where a copy broke off, and links that lead nowhere."""
+    beside = {entry for folder in {path.parent for path in slices} for entry in folder.iterdir()} - set(slices)
+    named = sorted(entry for entry in beside if not entry.name.startswith(".") and not is_of_system(entry.name))
+    return [entry for entry in named if not entry.exists() or (entry.is_file() and _holds_nothing(entry))]
+
+
+def _holds_nothing(file: Path) -> bool:
+    return not file.name.lower().endswith(NO_SLICES) and not read_start(file, DICOM_START_BYTES).strip(b"\0")
 
 
 def _slice_or_reason(path: Path) -> DicomSlice | str:

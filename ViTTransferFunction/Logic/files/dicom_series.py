@@ -49,6 +49,7 @@ def read_series(folder: Path, on_warning: Callable[[str], None], series: str | N
         )
     slices = choose_series(content.series, folder, series, on_warning).slices
     _warn_of_unread_files(folder, list(content.unread), on_warning)
+    _warn_of_empty_files(folder, content.empty, on_warning)
     _check_slices(slices, folder)
     warn_of_inversion(folder, slices, on_warning)
     reader = sitk.ImageSeriesReader()
@@ -83,6 +84,15 @@ def _warn_of_unread_files(folder: Path, unread: Sequence[Path], on_warning: Call
     if damaged:
         first = _name(damaged[0], folder)
         on_warning(f"{folder}: DICOM files without a slice that can be read: {len(damaged)}, such as {first}.")
+
+
+def _warn_of_empty_files(folder: Path, empty: Sequence[Path], on_warning: Callable[[str], None]) -> None:
+    """Of a slice that was not copied but by its name; where it would be the first or last, nothing else tells of it."""
+    if empty:
+        on_warning(
+            f"{folder}: files that are empty, or links that lead nowhere: {len(empty)}, such as {_name(empty[0], folder)}. If "
+            "they were slices, what they showed is missing: copy them again."
+        )
 
 
 def _warn_of_unsaid(folder: Path, slices: Sequence[DicomSlice], on_warning: Callable[[str], None]) -> None:

@@ -156,6 +156,26 @@ def test_a_series_whose_last_slice_was_cut_off_is_read_with_a_warning(
     assert f"without a slice that can be read: 1, such as {files[-1].name}" in caplog.text
 
 
+@pytest.mark.parametrize("left", [b"", bytes(100), bytes(3000), None], ids=["nothing", "zeros", "many zeros", "a link"])
+@pytest.mark.parametrize("below", ["", "CT"])
+def test_a_series_whose_last_slice_was_not_copied_but_by_its_name_is_read_with_a_warning(
+    tmp_path: Path, below: str, left: bytes | None
+) -> None:
+    last = write_slices(tmp_path / below) / "4.dcm"
+    last.unlink()
+    if left is None:
+        last.symlink_to("not_copied/4.dcm")
+    else:
+        last.write_bytes(left)
+    (last.parent / "notes.json").touch()
+    warnings: list[str] = []
+
+    assert read_volume(tmp_path, warnings.append).shape[0] == 4
+
+    (warning,) = warnings
+    assert f"empty, or links that lead nowhere: 1, such as {last.relative_to(tmp_path)}. If they were slices" in warning
+
+
 ASCENDING = [0.0, 2.0, 4.0, 6.0, 8.0]
 ENHANCED_CT, ULTRASOUND = "1.2.840.10008.5.1.4.1.1.2.1", "1.2.840.10008.5.1.4.1.1.3.1"
 AXIAL, CORONAL, A_QUARTER_TURN = "1\\0\\0\\0\\1\\0", "1\\0\\0\\0\\0\\-1", "0\\1\\0\\-1\\0\\0"
