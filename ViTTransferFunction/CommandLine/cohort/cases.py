@@ -16,7 +16,7 @@ from ViTTransferFunction.Logic.core.system.file_names import LONGEST_NAME_BYTES,
 from ViTTransferFunction.Logic.core.system.regular_file import check_regular_file
 from ViTTransferFunction.Logic.files.annotation_files import ANNOTATIONS_ENDING
 from ViTTransferFunction.Logic.files.dicom_folder import FOLDERS_OF_SYSTEMS, holds_dicom
-from ViTTransferFunction.Logic.files.image_headers import VOLUME_ENDINGS, volume_ending
+from ViTTransferFunction.Logic.files.image_headers import VOLUME_ENDINGS, image_ending, volume_ending
 
 logger = logging.getLogger(__name__)
 
@@ -95,6 +95,11 @@ def told_name(name: str) -> str:
 
 def _cases_in_table(path: Path) -> Iterator[Case]:
     check_regular_file(path)
+    if image_ending(path) is not None or path.suffix.lower() == ".json":
+        raise InputError(
+            f"{path} is no table, by its ending; expected a CSV file with a line for each case, or the folder that holds volumes "
+            "with their points. One volume alone is segmented by `vittf segment`."
+        )
     try:
         # Spreadsheets put a mark in front of UTF-8.
         text = path.read_text(encoding="utf-8-sig")

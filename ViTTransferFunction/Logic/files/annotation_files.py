@@ -42,6 +42,7 @@ def read_annotations(path: Path, geometry: Geometry) -> list[AnnotatedClass]:
     Raises:
         InputError: unreadable, not of this form, or a class is invalid.
     """
+    _check_is_no_older_list(path)
     content = read_json(path)
     classes = content.get("classes") if isinstance(content, dict) else None
     if isinstance(content, dict) and "markups" in content and classes is None:
@@ -127,8 +128,7 @@ def read_markups(path: Path, scale: float) -> Markups:
     Raises:
         InputError: unreadable, not a markups file, or of boxes or planes.
     """
-    if path.suffix.lower() == ".fcsv":
-        raise InputError(f"{path} is a point list of an older Slicer; open it in Slicer, and save it as .mrk.json.")
+    _check_is_no_older_list(path)
     content = read_json(path)
     if isinstance(content, dict) and "classes" in content and "markups" not in content:
         raise InputError(
@@ -146,6 +146,14 @@ def read_markups(path: Path, scale: float) -> Markups:
         return lists[0]
     inside, outside = ([no_points(), *(getattr(each, polarity) for each in lists)] for polarity in ("inside", "outside"))
     return Markups(np.concatenate(inside), np.concatenate(outside))
+
+
+def _check_is_no_older_list(path: Path) -> None:
+    if path.suffix.lower() == ".fcsv":
+        raise InputError(
+            f"{path} is a point list of an older Slicer; open it in Slicer, and save it as .mrk.json, which `vittf segment` "
+            "takes by --positive."
+        )
 
 
 def _points_of(markup: dict[str, Any], path: Path, scale: float) -> Markups:

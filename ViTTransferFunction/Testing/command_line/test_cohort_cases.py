@@ -86,6 +86,13 @@ def test_a_table_in_letters_that_differ_from_system_to_system_is_refused_with_wh
         read_cases(path)
 
 
+@pytest.mark.parametrize("name", ["scan.nii.gz", "scan.annotations.json"])
+def test_a_volume_or_points_in_place_of_a_table_are_refused_with_what_takes_them(tmp_path: Path, name: str) -> None:
+    touch(tmp_path, name)
+    with pytest.raises(InputError, match=r"is no table, by its ending.*`vittf segment`"):
+        read_cases(tmp_path / name)
+
+
 def test_a_table_may_say_which_series_of_a_folder_is_meant(tmp_path: Path) -> None:
     cases = read_cases(table(tmp_path, HEADING + ",series", "a,disk,a.json, T1 axial ", "b,disk,b.json,", "c,c.nrrd,c.json"))
     assert [case.series for case in cases] == ["T1 axial", None, None]

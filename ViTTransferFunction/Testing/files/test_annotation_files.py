@@ -456,6 +456,8 @@ def test_a_point_list_of_an_older_slicer_is_told_how_to_become_one_of_today(tmp_
     (tmp_path / "F.fcsv").write_text("# Markups fiducial file version = 4.11\n")
     with pytest.raises(InputError, match=r"save it as \.mrk\.json"):
         read_markups(tmp_path / "F.fcsv", 1.0)
+    with pytest.raises(InputError, match=r"save it as \.mrk\.json, which `vittf segment` takes by --positive"):
+        read_annotations(tmp_path / "F.fcsv", GEOMETRY)
 
 
 @pytest.mark.parametrize("units", ["mm", ["mm", "UCUM", "millimeter"], "", None])
