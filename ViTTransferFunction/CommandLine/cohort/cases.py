@@ -97,8 +97,8 @@ def _cases_in_table(path: Path) -> Iterator[Case]:
     check_regular_file(path)
     if image_ending(path) is not None or path.suffix.lower() == ".json":
         raise InputError(
-            f"{path} is no table, by its ending; expected a CSV file with a line for each case, or the folder that holds volumes "
-            "with their points. One volume alone is segmented by `vittf segment`."
+            f"{path} is no table, by its ending; expected a CSV file with a line for each case, or the folder that holds "
+            "volumes with their points. One volume alone is segmented by `vittf segment`."
         )
     try:
         # Spreadsheets put a mark in front of UTF-8.
@@ -131,7 +131,9 @@ def _cases_of_rows(reader: csv.DictReader[str], path: Path) -> Iterator[Case]:
         raise InputError(f"{path} has no column '{missing[0]}'; expected a first line with {','.join(COLUMNS)}.")
     twice = [column for column in (*COLUMNS, SERIES_COLUMN) if reader.fieldnames.count(column) > 1]
     if twice:
-        raise InputError(f"{path} has several columns called '{twice[0]}', with capitals or without; expected one. Rename the others.")
+        raise InputError(
+            f"{path} has several columns called '{twice[0]}', with capitals or without; expected one. Rename the others."
+        )
     folder = path.resolve().parent
     for row in reader:
         if not any("".join(value or "") for value in row.values()):

@@ -70,8 +70,8 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
         path: an image file, or a folder that holds a DICOM series, itself or in folders below.
         on_warning: is told where slices were put on a straight grid, and where some seem to be missing; which other series and
             files of the folder were passed over, since they are no volumes; where a header does not say how far apart voxels
-            are or how they lie, or other programs read it otherwise (`warn_of_place`); where intensities were inverted; where an image may be in
-            metres; and where it looks like a map of labels.
+            are or how they lie, or other programs read it otherwise (`warn_of_place`); where intensities were inverted; where
+            an image may be in metres; and where it looks like a map of labels.
         series: which of the folder's series, as `choose_series` takes it; None: the only one that can be a volume.
 
     Raises:

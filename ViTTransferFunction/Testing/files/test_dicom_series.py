@@ -530,7 +530,8 @@ def test_of_slices_that_say_where_they_lie_as_frames_do_there_is_no_warning(tmp_
 
     volume = read_volume(tmp_path, pytest.fail)
 
-    np.testing.assert_allclose(volume.geometry.ijk_to_ras[:3, :3], [[0, 1.5, 0], [-1.25, 0, 0], [0, 0, 2]], atol=1e-6)
+    axes = np.array([[0.0, 1.5, 0.0], [-1.25, 0.0, 0.0], [0.0, 0.0, 2.0]])
+    np.testing.assert_allclose(volume.geometry.ijk_to_ras[:3, :3], axes, atol=1e-6)
 
 
 def test_of_two_such_slices_at_one_place_it_is_the_place_that_is_wrong(tmp_path: Path) -> None:
