@@ -14,6 +14,7 @@ from ..core.system.errors import InputError
 from .dicom_encoding import require_memory_to_unpack
 from .dicom_frames import LARGEST_TURN, ORIENTATION, PIXEL_SIZE, POSITION, says_of_frames
 from .dicom_kind import instead_of_scan
+from .dicom_text import text_of
 from .image_headers import DICOM_READER
 
 ROUNDED_DIRECTION = 0.05
@@ -89,14 +90,14 @@ def read_slice(path: Path, traits: Sequence[str] = ()) -> DicomSlice:
         frozenset(tag for tag in _unsaid(reader) if not says_of_frames(path, tag)),
         reader.GetPixelID(),
         reader.GetNumberOfComponents(),
-        _text(reader, "0028|0004") == "MONOCHROME1",
-        _text(reader, "0020|000e"),
-        _text(reader, "0020|0011"),
-        _text(reader, "0008|103e"),
-        _text(reader, "0008|0060"),
-        _date(_text(reader, "0008|0021") or _text(reader, "0008|0020")),
+        text_of(reader, "0028|0004") == "MONOCHROME1",
+        text_of(reader, "0020|000e"),
+        text_of(reader, "0020|0011"),
+        text_of(reader, "0008|103e"),
+        text_of(reader, "0008|0060"),
+        _date(text_of(reader, "0008|0021") or text_of(reader, "0008|0020")),
         instead_of_scan(path, reader),
-        {tag: _text(reader, tag) for tag in traits},
+        {tag: text_of(reader, tag) for tag in traits},
     )
 
 
@@ -149,11 +150,11 @@ def number_of(text: str) -> float | None:
 
 def _unsaid(reader: sitk.ImageFileReader) -> Iterator[str]:
     """What is not said where slices say it."""
-    if not _text(reader, POSITION):
+    if not text_of(reader, POSITION):
         yield POSITION
     if not _says_orientation(reader):
         yield ORIENTATION
-    sizes = _text(reader, PIXEL_SIZE).split("\\")
+    sizes = text_of(reader, PIXEL_SIZE).split("\\")
     # Some kinds of image say it elsewhere, where ITK finds it.
     if not all(map(_is_length, sizes)) and 1.0 in reader.GetSpacing()[:2]:
         yield PIXEL_SIZE
@@ -161,7 +162,7 @@ def _unsaid(reader: sitk.ImageFileReader) -> Iterator[str]:
 
 def _says_orientation(reader: sitk.ImageFileReader) -> bool:
     """Whether a header's directions are those that were taken: ITK passes over what are none, or not at right angles."""
-    said = [number_of(part) for part in _text(reader, ORIENTATION).split("\\")]
+    said = [number_of(part) for part in text_of(reader, ORIENTATION).split("\\")]
     if len(said) != 6 or None in said:
         return False
     return np.allclose(np.reshape(np.array(said, float), (2, 3)), _directions(reader).T[:2], atol=ROUNDED_DIRECTION)
@@ -174,7 +175,7 @@ def _directions(reader: sitk.ImageFileReader) -> np.ndarray:
 
 
 def _pixel_mm(reader: sitk.ImageFileReader) -> np.ndarray:
-    said = _text(reader, PIXEL_SIZE)
+    said = text_of(reader, PIXEL_SIZE)
     are_numbers = not said or all(number_of(part) is not None for part in said.split("\\"))
     return np.array(reader.GetSpacing()[:2]) if are_numbers else np.zeros(2)
 
@@ -182,18 +183,6 @@ def _pixel_mm(reader: sitk.ImageFileReader) -> np.ndarray:
 def _is_length(text: str) -> bool:
     number = number_of(text)
     return number is not None and 0.0 < number < math.inf
-
-
-def _text(reader: sitk.ImageFileReader, tag: str) -> str:
-    """What a header has under a tag, in one line; letters that are not UTF-8 are taken for Western European ones."""
-    if not reader.HasMetaDataKey(tag):
-        return ""
-    written = reader.GetMetaData(tag).encode("utf-8", "surrogateescape")
-    try:
-        text = written.decode("utf-8")
-    except UnicodeDecodeError:
-        text = written.decode("latin-1")
-    return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
 
 
 def _date(written: str) -> str:

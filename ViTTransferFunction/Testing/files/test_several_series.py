@@ -98,8 +98,25 @@ def test_series_that_are_called_alike_are_told_apart_by_their_dates_and_as_the_l
         read(tmp_path, wanted)
 
 
-def test_descriptions_may_hold_any_letters(tmp_path: Path) -> None:
-    tags = element(8, 5, "CS", "ISO_IR 100") + element(8, 0x103E, "LO", "Sch\xe4del\x00".encode("latin-1"))
+@pytest.mark.parametrize(
+    ("character_set", "description", "written"),
+    [
+        ("ISO_IR 100", "Schädel", "Schädel".encode("latin-1")),
+        ("ISO_IR 100", "Schädel", "Schädel".encode()),
+        ("ISO_IR 101", "Żołądek", "Żołądek".encode("iso8859_2")),
+        ("ISO_IR 144", "Таз", "Таз".encode("iso8859_5")),
+        ("ISO 2022 IR 126", "Ήπαρ", "Ήπαρ".encode("iso8859_7")),
+        ("ISO_IR 13", "ｶﾝｿﾞｳ", "ｶﾝｿﾞｳ".encode("shift_jis")),
+        ("\\ISO 2022 IR 87", "肝臓 CT", "肝臓 CT".encode("iso2022_jp")),
+        ("\\ISO 2022 IR 149", "간 CT", b"\x1b$)C" + "간 CT".encode("euc_kr")),
+        ("\\ISO 2022 IR 58", "肝脏 CT", b"\x1b$)A" + "肝脏 CT".encode("gb2312")),
+        ("GB18030", "肝脏", "肝脏".encode("gb18030")),
+        ("ISO_IR 192", "Hüfte 肝", "Hüfte 肝".encode()),
+        ("\\ISO 2022 IR 87", "Sch\xe4del", b"Sch\xe4del"),
+    ],
+)
+def test_descriptions_may_hold_any_letters(tmp_path: Path, character_set: str, description: str, written: bytes) -> None:
+    tags = element(8, 5, "CS", character_set) + element(8, 0x103E, "LO", written + b"\0")
     for number, tag in enumerate((tags, b"")):
         path = write_frames(tmp_path / f"{number}.dcm", ASCENDING)
         uid = element(0x20, 0x0E, "UI", "1.2.5")
@@ -108,7 +125,8 @@ def test_descriptions_may_hold_any_letters(tmp_path: Path) -> None:
         ))  # fmt: skip
     with pytest.raises(SeveralSeries) as refusal:
         read_volume(tmp_path)
-    assert refusal.value.lines == ("without a name (CT, 7×6×5)", "Schädel (CT, 7×6×5)")
+    assert refusal.value.lines == ("without a name (CT, 7×6×5)", f"{description} (CT, 7×6×5)")
+    read(tmp_path, description)
 
 
 def test_what_is_no_volume_does_not_stand_in_the_way(tmp_path: Path) -> None:
