@@ -30,6 +30,7 @@ _GZIP = b"\x1f\x8b"
 
 DICOM_START_BYTES = 132
 DICOM_READER = "GDCMImageIO"
+NIFTI_READER = "NiftiImageIO"
 
 _ARCHIVE_ENDINGS = (".zip", ".7z", ".rar", ".tar", ".tar.gz", ".tgz")
 """In which scans often come from hospitals and public collections."""
@@ -379,10 +380,10 @@ def _fields(header: bytes, separator: str) -> dict[str, str]:
 
 
 _FORMATS = {
-    ".nii.gz": ImageFormat("NiftiImageIO", _in_nifti),
-    ".nii": ImageFormat("NiftiImageIO", _in_nifti),
-    ".hdr": ImageFormat("NiftiImageIO", _in_nifti_pair),
-    ".img": ImageFormat("NiftiImageIO", _in_nifti_pair),
+    ".nii.gz": ImageFormat(NIFTI_READER, _in_nifti),
+    ".nii": ImageFormat(NIFTI_READER, _in_nifti),
+    ".hdr": ImageFormat(NIFTI_READER, _in_nifti_pair),
+    ".img": ImageFormat(NIFTI_READER, _in_nifti_pair),
     ".nrrd": ImageFormat("NrrdImageIO", _in_nrrd),
     ".nhdr": ImageFormat("NrrdImageIO", _in_nrrd),
     ".mha": ImageFormat("MetaImageIO", _in_meta_image),

@@ -82,8 +82,8 @@ def warn_of_place(path: Path, image: sitk.Image, geometry: Geometry, on_warning:
     """Warn where ITK, and so Slicer, has a scan elsewhere than its `sform` or other programs do, of one reason at most.
 
     Args:
-        path: of the file.
-        image: as ITK read it; of another format than NIfTI, nothing is found.
+        path: of the NIfTI file.
+        image: as ITK read it.
         geometry: of the image.
         on_warning: is told how far off positions are, or along which axes it is mirrored.
     """

@@ -24,6 +24,7 @@ from .dicom_series import read_series
 from .dicom_slice import check_may_be_scan
 from .image_headers import (
     DICOM_READER,
+    NIFTI_READER,
     SEGMENTATION_ENDING,
     image_ending,
     image_format,
@@ -84,10 +85,13 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
     if not is_folder(path):
         _check_no_segmentation(path)
     # Slices of DICOM say themselves where they lie, and what they are.
-    is_dicom = is_folder(path) or image_format(path).reader == DICOM_READER
+    reader = DICOM_READER if is_folder(path) else image_format(path).reader
+    is_dicom = reader == DICOM_READER
     image, positions = _read_dicom(path, on_warning, series) if is_dicom else (_read_file(path), None)
     geometry = _geometry(image, path)
-    warn_of_place(path, image, geometry, on_warning)
+    # ITK keeps what a NIfTI header said when it writes another format, although the image may have been moved or cropped since.
+    if reader == NIFTI_READER:
+        warn_of_place(path, image, geometry, on_warning)
     if not is_dicom and not says_spacing(path):
         on_warning(
             f"{path.name} does not say how far apart its voxels are: 1 mm is taken, as 3D Slicer does. If that is wrong, "

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.files.volume_files import read_volume
@@ -126,6 +127,16 @@ def test_of_a_rotation_that_leads_elsewhere_than_the_matrix_there_is_a_warning(
     # Nobody is told where the matrix is gone by, nor where both say the same.
     read_volume(written(tmp_path, srow=moved, sform_code=1, qoffset=[0.0, 0.0, 0.0], **in_place), pytest.fail)
     read_volume(written(tmp_path, srow=moved, sform_code=2, qoffset=moved[:, 3], **in_place), pytest.fail)
+
+
+def test_what_a_header_said_before_the_image_was_moved_and_saved_in_another_format_does_not_count(tmp_path: Path) -> None:
+    """ITK writes all of it into NRRD."""
+    image = sitk.ReadImage(str(written(tmp_path)))
+    assert image.HasMetaDataKey("srow_x")
+    image.SetOrigin([50.0, 0.0, 0.0])
+    image.SetMetaData("pixdim[1]", "-1")
+    sitk.WriteImage(image, str(tmp_path / "moved.nrrd"))
+    read_volume(tmp_path / "moved.nrrd", pytest.fail)
 
 
 @pytest.mark.parametrize("place", [{}, {"sform_code": 0, **HALF_A_TURN}], ids=["matrix", "rotation"])
