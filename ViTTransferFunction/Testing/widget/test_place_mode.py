@@ -57,6 +57,16 @@ def test_a_new_class_has_the_tool_in_hand_and_it_follows_the_selection(widget: A
     assert interaction.GetCurrentInteractionMode() == interaction.ViewTransform
 
 
+def test_a_list_takes_the_points_that_are_clicked_also_where_their_number_was_fixed(widget: Any) -> None:
+    added = add_class(widget)
+    widget.panel.tools.put_down()
+    points = widget.panel.session.annotations.points_node(added.id, positive=True)
+    points.SetFixedNumberOfControlPoints(True)
+    assert points.AddControlPoint(0.0, 0.0, 0.0) < 0
+    widget.ui.pointOnButton.click()
+    assert points.AddControlPoint(0.0, 0.0, 0.0) == 0
+
+
 @pytest.mark.parametrize("name", ["Red", "3D"])
 def test_a_view_hears_of_the_mouse_that_rests_in_it_when_a_tool_for_points_is_taken(
     widget: Any, name: str, monkeypatch: pytest.MonkeyPatch

@@ -39,11 +39,15 @@ class PlaceMode:
         self._observers = SceneObservers()
 
     def start(self, points: slicer.vtkMRMLMarkupsFiducialNode) -> None:
-        """Have clicks in the views add points to `points`, one after the other."""
+        """Have clicks in the views add points to `points`, one after the other; also where Slicer has their number fixed.
+
+        That is a lock of its module Markups, against clicks by mistake: a click there places nothing, and ends placing.
+        """
         self._observers.remove_all()
         if self._before is None:
             self._before = self._placing()
         self._list_id = points.GetID()
+        points.SetFixedNumberOfControlPoints(False)
         self._selection.SetReferenceActivePlaceNodeClassName(LIST_CLASS)
         self._selection.SetActivePlaceNodeID(self._list_id)
         self._interaction.SetPlaceModePersistence(1)
