@@ -42,6 +42,9 @@ CLICK_POLL_MS = 2
 IDLE_POLL_MS = 500
 """And while nothing does: soon enough to tell that the compute process was lost."""
 
+SEGMENT_EDITOR = "SegmentEditor"
+"""The module in which users correct segments."""
+
 ICONS = (*TOOL_ICONS.values(), "Undo", "Redo", "RemoveLast")
 """Of the buttons that have one, by the names of their files."""
 
@@ -102,6 +105,8 @@ class Panel:
         self._timer = qt.QTimer()
         self._timer.timeout.connect(self._on_timer)
         self._layout_manager = slicer.app.layoutManager()
+        main_window = slicer.util.mainWindow()
+        self._module_selector = main_window.moduleSelector() if main_window is not None else None
         self.refresh()
 
     def open(self, parameter_node: slicer.vtkMRMLScriptedModuleNode) -> None:
@@ -120,6 +125,8 @@ class Panel:
         self.session.add_observer(self.refresh)
         if self._layout_manager is not None:
             self._layout_manager.layoutChanged.connect(self._on_layout_changed)
+        if self._module_selector is not None:
+            self._module_selector.moduleSelected.connect(self._on_module_selected)
         self._start_due = True
         for section in self._sections:
             section.session = self.session
@@ -134,6 +141,8 @@ class Panel:
         if self.session is not None:
             if self._layout_manager is not None:
                 self._layout_manager.layoutChanged.disconnect(self._on_layout_changed)
+            if self._module_selector is not None:
+                self._module_selector.moduleSelected.disconnect(self._on_module_selected)
             self.session.close()
             self.session = None
             self._drawing.draw()
@@ -224,6 +233,10 @@ class Panel:
     def _look_in_new_views(self) -> None:
         if self.session is not None:
             self.session.views.look_in_new_views()
+
+    def _on_module_selected(self, name: str) -> None:
+        if self.session is not None:
+            self.session.give_way_to_segments(name == SEGMENT_EDITOR)
 
     def _start_computing(self) -> None:
         """Once, a moment after the panel was opened: the user then still chooses a volume, or has gone on."""

@@ -321,6 +321,17 @@ class SceneSession:
             # They would have to be downloaded, which users are asked about; or it was they that were damaged.
             self.estimate_again()
 
+    def give_way_to_segments(self, give_way: bool) -> None:
+        """Leave the views to the segments while somebody corrects these, if there are some of ours; or show all again.
+
+        What is shown of a structure has its segment's colour and place: what is cut off there would seem to be there still.
+        """
+        give_way = give_way and self.segments.exist
+        if give_way != self.views.give_way:
+            self.views.give_way = give_way
+            self._show()
+            self._notices.tell()
+
     def start_extraction(self) -> None:
         """Begin to compute the volume's features."""
         self._problems.solve("segments")

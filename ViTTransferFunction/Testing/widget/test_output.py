@@ -16,9 +16,10 @@ from PySide6.QtCore import Qt, QTimer
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QMessageBox
 
+from ViTTransferFunction.Logic.scene.views.rendering import DISPLAY_NAME
 from ViTTransferFunction.Testing.support.scenes import add_segment, segment_masks
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
-from ViTTransferFunction.Testing.support.standin.host import Host
+from ViTTransferFunction.Testing.support.standin.host import NAME, Host
 from ViTTransferFunction.Testing.support.widgets import add_class, place, wait_until
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
@@ -234,6 +235,47 @@ def test_the_segment_of_the_selected_structure_is_in_hand_in_the_segment_editor(
     ui.editSegmentsButton.click()
     chosen = slicer.modules.segmenteditor.parameterSetNode.GetSelectedSegmentID()
     assert session.parameters.segmentation.GetSegmentation().GetSegment(chosen).GetName() == "sphere 2"
+
+
+def test_what_is_cut_off_a_segment_is_seen_where_only_the_segment_showed_it(ready: Any, host: Host, spheres: Spheres) -> None:
+    ui, session, modules = ready.ui, ready.panel.session, host.window.module_selector
+    add_class(ready, "sphere")
+    place(ready, tuple(centre_ras(spheres, 1)[0]))
+    wait_until(lambda: not session.busy)
+    assert all(visibilities_of_maps())
+    modules.selectModule("SegmentEditor")
+    assert all(visibilities_of_maps())  # There is no segment that they could hide.
+    modules.selectModule(NAME)
+    ui.writeSegmentsButton.click()
+    wait_until(lambda: session.segments.exist and not session.busy)
+    assert all(visibilities_of_maps())
+    ui.editSegmentsButton.click()
+    assert not any(visibilities_of_maps())
+    session.parameters.set("overlayOpacity", 0.25)
+    wait_until(lambda: not session.busy)
+    assert not any(visibilities_of_maps())
+    modules.selectModule(NAME)
+    wait_until(lambda: not session.busy)
+    assert all(visibilities_of_maps())
+
+
+def test_the_segment_editor_may_be_left_when_the_scene_was_closed(ready: Any, host: Host, spheres: Spheres) -> None:
+    modules = host.window.module_selector
+    add_class(ready, "sphere")
+    place(ready, tuple(centre_ras(spheres, 1)[0]))
+    ready.ui.writeSegmentsButton.click()
+    wait_until(lambda: ready.panel.session.segments.exist and not ready.panel.session.busy)
+    ready.ui.editSegmentsButton.click()
+    slicer.mrmlScene.Clear(0)
+    modules.selectModule(NAME)
+    assert not ready.panel.session.views.give_way
+
+
+def visibilities_of_maps() -> list[bool]:
+    """Of the outlines in slices, and of the structures in 3D."""
+    outlines = slicer.mrmlScene.GetFirstNodeByName("Similarity contours")
+    rendering = slicer.mrmlScene.GetFirstNodeByName(DISPLAY_NAME)
+    return [bool(display.GetVisibility()) for display in (outlines.GetDisplayNode(), rendering)]
 
 
 def test_a_structure_begins_from_a_segment_of_the_menu(widget: Any, volume: Any, segmentation: Any, spheres: Spheres) -> None:

@@ -46,6 +46,9 @@ class SessionViews:
         problems: gets what stands in the way of showing them.
         notices: front ends hear of that.
         windows_3d: the vtkRenderWindows of the 3D views that are shown.
+
+    Attributes:
+        give_way: whether nothing is shown, from the next `show` on, so that something else in the views is seen.
     """
 
     def __init__(
@@ -58,6 +61,7 @@ class SessionViews:
         notices: Notices,
         windows_3d: Callable[[], Iterable[Any]],
     ) -> None:
+        self.give_way = False
         self._scene = scene
         self._app_logic = app_logic
         self._parameters = parameters
@@ -167,7 +171,7 @@ class SessionViews:
             # What is hidden alone keeps its voxels.
             self._display.remove()
             return False
-        if not maps or stale:
+        if not maps or stale or self.give_way:
             self._display.hide()
             return False
         overlaid = selected.id if selected and selected.id in visible and self._parameters.get("overlayVisible") else None

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import slicer
-from PySide6.QtCore import QObject, QSignalBlocker
+from PySide6.QtCore import QObject, QSignalBlocker, Signal
 from PySide6.QtWidgets import QPushButton, QWidget
 
 SURFACE = "Closed surface"
@@ -96,12 +96,14 @@ class SegmentEditor:
 
 
 class ModuleSelector(QObject):
-    """Has the user go from module to module.
+    """Has the user go from module to module, and tells of it: what is connected first, the panel of modules, goes first.
 
     Args:
         modules: what is entered and left, by name.
         selected: which one is open.
     """
+
+    moduleSelected = Signal(str)  # noqa: N815
 
     def __init__(self, modules: dict[str, Any], selected: str) -> None:
         super().__init__()
@@ -116,3 +118,4 @@ class ModuleSelector(QObject):
                 leave()
             self.selectedModule = name
             self._modules[name].enter()
+            self.moduleSelected.emit(name)
