@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..core.volumes.geometry import Geometry, body_scale
 from .appearance import Appearance, appearance_rows, window_levels
-from .composition import own_levels
+from .composition import DEPTH, NUMBER, SURFACE, own_levels
 from .shader import CONTEXT, SCENE, STRUCTURES
 from .surroundings import Surroundings
 
@@ -41,6 +41,20 @@ class StructureVolume:
     def body_scale(self) -> float:
         """By what lengths that are meant for bodies are multiplied in the scan that it is of (`body_scale`)."""
         return body_scale(UNITS * self.unit_voxels * float(np.cbrt(np.prod(self.geometry.spacing_mm))))
+
+    def voxels_without(self, hidden: Collection[int]) -> np.ndarray:
+        """The voxels, with structures of these indices, from 0, lying as far outside as they lie inside; itself for none.
+
+        By depths alone, VTK finds what a click in a 3D view meets. For the others, the shader takes depths the same way.
+        """
+        if not hidden:
+            return self.voxels
+        numbers = np.zeros(256, dtype=bool)
+        numbers[[index + 1 for index in hidden]] = True
+        voxels = self.voxels.copy()
+        depths = voxels[..., DEPTH]
+        np.copyto(depths, 255 - depths, where=numbers[voxels[..., NUMBER]] & (depths > SURFACE))
+        return voxels
 
     def window(self, index: int, look: Appearance) -> tuple[float, float]:
         """The intensities between which the structure of an index, from 0, gets brighter and more opaque."""

@@ -46,6 +46,7 @@ class SceneDisplay:
         self._outlining: tuple[ShownMap, SteppedWork[Surface]] | None = None
         self._rendered: StructureVolume | None = None
         self._look: tuple[tuple[Appearance, ...], Surroundings] = (), Surroundings()
+        self._left_out: frozenset[int] = frozenset()
 
     def show_maps(
         self,
@@ -101,11 +102,13 @@ class SceneDisplay:
             return
         self._follow(volume)
         look = tuple(looks), surroundings
-        rendered, looked = self._rendered, self._look
+        rendered, looked, left_out = self._rendered, self._look, self._left_out
+        hidden = _hidden(looks, surroundings)
         # First, so that what cannot be shown is not tried again and again.
         self._rendered, self._look = rendering, look
-        if rendered is not rendering:
-            image, uniforms = image_of(rendering.voxels), rendering.uniforms(*look)
+        if rendered is not rendering or left_out - hidden:
+            self._left_out = hidden
+            image, uniforms = image_of(rendering.voxels_without(hidden)), rendering.uniforms(*look)
             self._rendering.show(volume, image, len(rendering.own_levels), uniforms, rendering.geometry.ijk_to_ras)
         elif looked != look:
             self._rendering.change(rendering.uniforms(*look))
@@ -205,3 +208,13 @@ class SceneDisplay:
     def _forget(self) -> None:
         self._volume = self._overlaid = self._outlining = self._rendered = None
         self._shown, self._outlined = {}, {}
+
+
+def _hidden(looks: Sequence[Appearance], surroundings: Surroundings) -> frozenset[int]:
+    """Indices of the structures that a click is not to meet, since nothing of them is seen.
+
+    Where what is around structures is seen, it is seen in the place of hidden ones, too, and clicks meet these.
+    """
+    if surroundings.visible:
+        return frozenset()
+    return frozenset(index for index, look in enumerate(looks) if look.opacity <= 0.0)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from vtkmodules.vtkRenderingCore import vtkCellPicker
 
 from ViTTransferFunction.CommandLine.structure_prop import structure_prop
 from ViTTransferFunction.Logic.core.classes.colors import Color
@@ -25,6 +26,7 @@ from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
 from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.mrml.transforms import vtk_matrix
 from ViTTransferFunction.Logic.scene.views import rendering as rendering_module
+from ViTTransferFunction.Logic.scene.views.display import SceneDisplay
 from ViTTransferFunction.Logic.scene.views.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import image_of, set_image
 from ViTTransferFunction.Testing.support.views import Views, ball, look_from, pixel_3d, pixels
@@ -392,6 +394,38 @@ def test_a_structure_has_a_smooth_surface_where_the_one_that_touches_it_is_hidde
     # Flat, and seen at a right angle.
     assert cut_face.min() > 120
     assert np.ptp(cut_face) < 40
+
+
+def test_a_click_meets_what_lies_behind_a_hidden_structure_and_shown_again_the_structure_itself(
+    slicer_app: Any, stage: Stage
+) -> None:
+    # What is in front is anterior, at high j.
+    shown = stage.show_structures(
+        [ball(SHAPE, (7.5, 14.0, 11.5), 4.0), ball(SHAPE, (7.5, 5.0, 11.5), 4.0)], appearances([RED, GREEN])
+    )
+    stage.rendering.remove()
+    display = SceneDisplay(stage.scene, slicer_app.app_logic, lambda: [stage.view.render_window()])
+
+    def met_and_seen(opacity: float, rendering: StructureVolume) -> tuple[float, list[float]]:
+        display.show_rendering(stage.views.volume, rendering, appearances([RED, GREEN], [opacity, 1.0]), NOTHING, cut=None)
+        picture = stage.picture()
+        ((row, column),) = stage.at(MIDDLE)
+        picker = vtkCellPicker()
+        picker.Pick(column, picture.shape[0] - 1 - row, 0.0, stage.view.renderer())
+        return picker.GetPickPosition()[1], hue(stage.mean(picture, MIDDLE)).tolist()
+
+    depth_mm = [GRID.ijk_to_ras_points(np.array([[11.5, j, 7.5]]))[0][1] for j in (14.0, 5.0)]
+    for opacity, front_mm, color in ((1.0, depth_mm[0], RED), (0.0, depth_mm[1], GREEN), (1.0, depth_mm[0], RED)):
+        # As the compute process answers: another volume, in which hidden structures cast no shadows.
+        met_mm, seen = met_and_seen(opacity, replace(shown, voxels=shown.voxels.copy()))
+        assert met_mm == pytest.approx(front_mm + 8.0, abs=4.0)
+        assert seen == pytest.approx(color, abs=0.15)
+    hidden = replace(shown, voxels=shown.voxels.copy())
+    met_and_seen(0.0, hidden)
+    met_mm, seen = met_and_seen(1.0, hidden)
+    assert met_mm == pytest.approx(depth_mm[0] + 8.0, abs=4.0)
+    assert seen == pytest.approx(RED, abs=0.15)
+    display.remove()
 
 
 def test_a_box_cuts_and_the_cut_is_closed(stage: Stage) -> None:
