@@ -51,7 +51,7 @@ class StructureVolume:
             return self.voxels
         numbers = np.zeros(256, dtype=bool)
         numbers[[index + 1 for index in hidden]] = True
-        voxels = self.voxels.copy()
+        voxels: np.ndarray = self.voxels.copy()
         depths = voxels[..., DEPTH]
         np.copyto(depths, 255 - depths, where=numbers[voxels[..., NUMBER]] & (depths > SURFACE))
         return voxels

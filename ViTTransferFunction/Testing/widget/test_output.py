@@ -237,8 +237,8 @@ def test_the_segment_of_the_selected_structure_is_in_hand_in_the_segment_editor(
     assert session.parameters.segmentation.GetSegmentation().GetSegment(chosen).GetName() == "sphere 2"
 
 
-def test_what_is_cut_off_a_segment_is_seen_where_only_the_segment_showed_it(ready: Any, host: Host, spheres: Spheres) -> None:
-    ui, session, modules = ready.ui, ready.panel.session, host.window.module_selector
+def test_while_the_segment_editor_is_open_maps_do_not_hide_what_is_cut_off_a_segment(ready: Any, spheres: Spheres) -> None:
+    ui, session, modules = ready.ui, ready.panel.session, slicer.util.moduleSelector()
     add_class(ready, "sphere")
     place(ready, tuple(centre_ras(spheres, 1)[0]))
     wait_until(lambda: not session.busy)
@@ -259,8 +259,8 @@ def test_what_is_cut_off_a_segment_is_seen_where_only_the_segment_showed_it(read
     assert all(visibilities_of_maps())
 
 
-def test_the_segment_editor_may_be_left_when_the_scene_was_closed(ready: Any, host: Host, spheres: Spheres) -> None:
-    modules = host.window.module_selector
+def test_the_segment_editor_may_be_left_when_the_scene_was_closed(ready: Any, spheres: Spheres) -> None:
+    modules = slicer.util.moduleSelector()
     add_class(ready, "sphere")
     place(ready, tuple(centre_ras(spheres, 1)[0]))
     ready.ui.writeSegmentsButton.click()
