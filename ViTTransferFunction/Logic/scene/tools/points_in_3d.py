@@ -23,6 +23,8 @@ MARKUPS_MANAGER = "vtkMRMLMarkupsDisplayableManager"
 """What shows points in a view of Slicer's, and moves them."""
 CLICK_PIXELS = 4.0
 """A hand that clicks moves the mouse by less than this."""
+_PICK_TOLERANCE = 0.005
+"""Of Slicer's own picker, as a share of the view's size."""
 _PRESSES = (vtk.vtkCommand.LeftButtonPressEvent, vtk.vtkCommand.MiddleButtonPressEvent)
 """The first one takes hold of a point, the second one of all points of a list."""
 
@@ -134,14 +136,22 @@ class _PlacingClicks:
         return True
 
     def _hits_nothing(self, points: slicer.vtkMRMLMarkupsNode) -> bool:
-        """Whether the point that hangs on the mouse is as deep as the camera's focus: Slicer puts it there before nothing."""
+        """Whether the view shows nothing at the point that hangs on the mouse.
+
+        Slicer puts it as deep as the camera's focus then. What is shown may be as deep, as a slice through the middle of a scan
+        that the view looks at: where depth does not tell, it is looked for, as Slicer does.
+        """
         last = points.GetNumberOfControlPoints() - 1
         if last < 0 or points.GetNthControlPointPositionStatus(last) != points.PositionPreview:
             return False
         camera = self._renderer.GetActiveCamera()
         from_focus_mm = np.subtract(points.GetNthControlPointPositionWorld(last), camera.GetFocalPoint())
         depth_mm = float(np.dot(from_focus_mm, camera.GetDirectionOfProjection()))
-        return abs(depth_mm) < 1e-6 * camera.GetDistance()
+        if abs(depth_mm) >= 1e-6 * camera.GetDistance():
+            return False
+        picker = vtk.vtkCellPicker()
+        picker.SetTolerance(_PICK_TOLERANCE)
+        return not picker.Pick(*self._mouse.position, 0.0, self._renderer)
 
 
 def _ignore(widget: Any, state: int, event: int) -> None:

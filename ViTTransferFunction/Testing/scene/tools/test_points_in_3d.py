@@ -146,6 +146,25 @@ def test_a_click_on_nothing_in_a_3d_view_places_no_point_and_is_told_each_time(p
     assert placing.errors == ()
 
 
+def test_what_a_3d_view_shows_as_deep_as_its_focus_is_clicked_on_as_all_else(
+    placing: SceneSession, view_3d: Any, views: Views
+) -> None:
+    """Such as the slice through the middle of a scan."""
+    x, y, z = NOTHING_RAS.tolist()
+    plane = vtk.vtkPlaneSource()
+    plane.SetOrigin(x - 5.0, y, z - 5.0)
+    plane.SetPoint1(x + 5.0, y, z - 5.0)
+    plane.SetPoint2(x - 5.0, y, z + 5.0)
+    plane.Update()
+    model = views.scene.AddNewNodeByClass("vtkMRMLModelNode", "slice")
+    model.SetAndObservePolyData(plane.GetOutput())
+    model.CreateDefaultDisplayNodes()
+    pixels(view_3d)
+    click(view_3d, NOTHING_RAS)
+    assert placing.take_error() is None
+    np.testing.assert_allclose(placing.classes[0].positive[-1], NOTHING_RAS, atol=0.3)
+
+
 @pytest.mark.parametrize("key", ["ctrl", "shift"])
 def test_a_click_with_a_key_held_places_no_point_in_a_3d_view(placing: SceneSession, view_3d: Any, key: str) -> None:
     before = points(placing)
