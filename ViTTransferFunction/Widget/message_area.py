@@ -28,7 +28,17 @@ class MessageArea:
         """Show a message below those that stand already; `refresh` takes it away once it is `solved`. See `Messages`."""
         self._messages.put(message, solved, about)
         self.refresh()
-        self._bring_into_sight()
+        self.bring_into_sight()
+
+    def bring_into_sight(self) -> None:
+        """Have the panel show them: they are at its top, and it may be scrolled down to the button that was pressed."""
+        area = panel = self._frame.parent()
+        while area is not None and not area.inherits("QScrollArea"):
+            area = area.parent()
+        if area is not None:
+            # Of the panel, not of the frame, which Qt has not given its place yet.
+            top = panel.mapTo(area.widget(), qt.QPoint(0, 0)).y()
+            area.ensureVisible(0, top, 0, self._frame.sizeHint.height())
 
     def try_again(self, about: str) -> None:
         """Forget why something was not done that is tried once more."""
@@ -45,16 +55,6 @@ class MessageArea:
         """Show nothing."""
         self._messages.clear()
         self.refresh()
-
-    def _bring_into_sight(self) -> None:
-        """Messages are at the top of the panel, which may be scrolled down to the button that was pressed."""
-        area = panel = self._frame.parent()
-        while area is not None and not area.inherits("QScrollArea"):
-            area = area.parent()
-        if area is not None:
-            # Of the panel, not of the frame, which Qt has not given its place yet.
-            top = panel.mapTo(area.widget(), qt.QPoint(0, 0)).y()
-            area.ensureVisible(0, top, 0, self._frame.sizeHint.height())
 
 
 class ErrorReport:

@@ -183,13 +183,22 @@ class Panel:
 
     def refresh(self) -> None:
         """Show everything as it is now."""
-        session = self.session
-        while session and (error := session.take_error()):
-            self._messages.show(error, partial(self._is_solved, session, error))
+        told = self._tell_errors()
         self._messages.refresh()
         for section in self._sections:
             section.refresh()
+        if told:
+            # A button that can no longer be pressed passes the keyboard on, and the panel is scrolled to who has it.
+            self._messages.bring_into_sight()
         self._set_pace()
+
+    def _tell_errors(self) -> bool:
+        """Show what went wrong since the last time; returns whether anything did."""
+        session, told = self.session, False
+        while session and (error := session.take_error()):
+            self._messages.show(error, partial(self._is_solved, session, error))
+            told = True
+        return told
 
     def _is_solved(self, session: SceneSession, error: str) -> bool:
         return self._is_over(session) or error not in session.errors

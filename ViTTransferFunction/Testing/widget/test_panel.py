@@ -139,6 +139,26 @@ def test_a_message_is_seen_where_the_panel_is_scrolled_down(host: Host, widget: 
     assert not widget.ui.messageLabel.visibleRegion().isEmpty()
 
 
+def test_a_message_is_seen_where_the_button_that_had_the_keyboard_can_no_longer_be_pressed(
+    host: Host, widget: Any
+) -> None:
+    host.window.resize(host.window.width(), 400)
+    host.window.activateWindow()
+    button = widget.ui.writeSegmentsButton
+    button.setEnabled(True)
+    button.setFocus()
+    wait_until(lambda: QApplication.focusWidget() is button)
+    area = host.window.centralWidget()
+    assert isinstance(area, QScrollArea)
+    area.ensureWidgetVisible(button)
+    widget.panel.session._problems.put("computing", "The process ended.")
+    widget.panel.refresh()
+    slicer.app.processEvents()
+    assert not button.isEnabled()
+    assert QApplication.focusWidget() is not button
+    assert not widget.ui.messageLabel.visibleRegion().isEmpty()
+
+
 def test_problems_that_come_together_are_all_shown(widget: Any) -> None:
     for cause, message in (("computing", "The process ended."), ("views", "Nothing can be shown.")):
         widget.panel.session._problems.put(cause, message)
