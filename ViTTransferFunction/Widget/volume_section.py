@@ -60,11 +60,8 @@ class VolumeSection(Section):
 
     def _show_features(self, session: SceneSession | None, phase: str) -> None:
         ui, status = self.ui, status_text(session, phase)
-        has_keyboard = ui.extractButton.focus or self._progress.cancel_button.focus
-        ui.extractionStartRow.visible = phase in ("no volume", "no features")
         ui.extractionStatusLabel.visible = bool(status)
         ui.extractionStatusLabel.text = status
-        self._progress.show(_extraction_progress(session.progress) if session and phase == "extracting" else None)
         obstacle = _obstacle(session, phase)
         ui.extractButton.enabled = not obstacle
         ui.extractButton.toolTip = obstacle or _(
@@ -72,11 +69,22 @@ class VolumeSection(Section):
             "You can go on working meanwhile."
         )
         ui.estimateLabel.text = obstacle or (cost_text(session) if session else "")
-        if has_keyboard:
+        self._show_rows(phase, _extraction_progress(session.progress) if session and phase == "extracting" else None)
+
+    def _show_rows(self, phase: str, progress: WorkProgress | None) -> None:
+        """Show what begins the extraction, or what cancels it: before the other goes, which may have the keyboard."""
+        starts = phase in ("no volume", "no features")
+        if starts:
+            self.ui.extractionStartRow.visible = True
+        if progress is not None:
+            self._progress.show(progress)
+        if self.ui.extractButton.focus or self._progress.cancel_button.focus:
             self._keep_keyboard(phase)
+        self.ui.extractionStartRow.visible = starts
+        self._progress.show(progress)
 
     def _keep_keyboard(self, phase: str) -> None:
-        """What had the keyboard may have gone; Qt would choose the next section's header, and the next Space close that."""
+        """What has the keyboard may go. Qt would choose the next section's header, scroll there, and the next Space close that."""
         if phase == "extracting":
             self._progress.cancel_button.setFocus()
         elif phase == "ready":

@@ -180,6 +180,26 @@ def test_who_computes_features_by_the_keyboard_goes_on_by_it(widget: Any, host: 
     wait_until(ui.addClassButton.hasFocus)
 
 
+def test_the_panel_is_not_scrolled_when_features_are_computed(widget: Any, host: Host, volume: Any, real_weights: Path) -> None:
+    session, ui = widget.panel.session, widget.ui
+    session.parameters.set("weightsPath", str(real_weights))
+    ui.volumeSelector.setCurrentNode(volume)
+    wait_until(ui.extractButton.isEnabled)
+    host.window.resize(host.window.width(), 260)
+    host.window.activateWindow()
+    ui.extractButton.setFocus()
+    wait_until(ui.extractButton.hasFocus)
+    bar = host.window.centralWidget().verticalScrollBar()
+    wait_until(lambda: bar.maximum() > 0)
+    bar.setValue(0)
+    QTest.mouseClick(ui.extractButton, Qt.MouseButton.LeftButton)
+    wait_until(ui.extractionCancelButton.hasFocus)
+    assert bar.value() == 0
+    QTest.mouseClick(ui.extractionCancelButton, Qt.MouseButton.LeftButton)
+    wait_until(lambda: session.phase == "no features" and not session.busy)
+    assert bar.value() == 0
+
+
 def test_closing_the_scene_while_features_are_computed_cancels_it(widget: Any, volume: Any, questions: list[str]) -> None:
     session = widget.panel.session
     widget.ui.volumeSelector.setCurrentNode(volume)
