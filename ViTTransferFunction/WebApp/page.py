@@ -12,7 +12,7 @@ from trame.ui.html import DivLayout
 
 from ..Logic.scene.annotation_tool import TOOL_ICONS
 from ..Logic.scene.interface.choices import choices
-from ..Logic.scene.interface.shortcuts import SHORTCUTS, TABLE_KEYS, meanings
+from ..Logic.scene.interface.shortcuts import SHORTCUTS, TABLE_KEYS, WHILE_HELD, meanings
 from ..Logic.scene.interface.wording import context_words, style_words
 from ..Logic.session.preset_meanings import PRESET_MEANINGS
 from .films import film_endings
@@ -37,7 +37,10 @@ def build_page(server: Any, contexts: list[str]) -> None:
     server.state.update({
         "trame__title": TITLE,
         "trame__favicon": "__vittf_icons/ViTTransferFunction.svg",
-        "keys": [{"key": key, "action": action, "meaning": words[action]} for action, key in keys.items()],
+        "keys": [
+            {"key": key, "action": action, "meaning": words[action], "while_held": action in WHILE_HELD}
+            for action, key in keys.items()
+        ],
         "table_keys": list(TABLE_KEYS),
         "tips": {action: f"{words[action].capitalize()} ({key})" for action, key in keys.items()},
         "tools": [

@@ -9,7 +9,7 @@ import qt
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
-from ViTTransferFunction.Logic.scene.interface.shortcuts import TABLE_KEYS
+from ViTTransferFunction.Logic.scene.interface.shortcuts import TABLE_KEYS, WHILE_HELD
 from ViTTransferFunction.Widget.class_table import NAME
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.wording import in_menu
@@ -33,15 +33,15 @@ class ClassActions(Section):
         ui.moveClassDownButton.clicked.connect(self.move_down)
         ui.removeClassButton.clicked.connect(self.remove)
         ui.classTable.contextMenuPolicy = qt.Qt.ActionsContextMenu
-        self._rename = self._add(_("Rename"), self.rename, TABLE_KEYS["rename"])
+        self._rename = self._add(_("Rename"), self.rename, "rename")
         self._change_color = self._add(_("Change colour"), change_color)
         self._show_next_point = self._add(_("Show next point"), self.show_next_point)
         self._points_inside = self._add_markup_menu(_("Points inside from a markup"), positive=True)
         self._points_outside = self._add_markup_menu(_("Points outside from a markup"), positive=False)
         self._duplicate = self._add(_("Duplicate"), self.duplicate)
-        self._move_up = self._add(_("Move up"), self.move_up, TABLE_KEYS["moveUp"])
-        self._move_down = self._add(_("Move down"), self.move_down, TABLE_KEYS["moveDown"])
-        self._remove = self._add(_("Remove"), self.remove, TABLE_KEYS["remove"])
+        self._move_up = self._add(_("Move up"), self.move_up, "moveUp")
+        self._move_down = self._add(_("Move down"), self.move_down, "moveDown")
+        self._remove = self._add(_("Remove"), self.remove, "remove")
 
     def refresh(self) -> None:
         """Enable what can be done now."""
@@ -122,11 +122,12 @@ class ClassActions(Section):
         if self.session is not None and self.selected is not None:
             self.session.annotations.move_class(self.selected.id, step)
 
-    def _add(self, text: str, react: Callable[[], None], key: str = "") -> Any:
-        """An action of the table's menu."""
+    def _add(self, text: str, react: Callable[[], None], name: str = "") -> Any:
+        """An action of the table's menu; one of that name in `TABLE_KEYS` has a key."""
         action = qt.QAction(text, self.ui.classTable)
         action.shortcutContext = qt.Qt.WidgetShortcut
-        action.shortcut = qt.QKeySequence(key)
+        action.shortcut = qt.QKeySequence(TABLE_KEYS.get(name, ""))
+        action.autoRepeat = name in WHILE_HELD
         action.triggered.connect(react)
         self.ui.classTable.addAction(action)
         return action

@@ -11,7 +11,7 @@ import qt
 import slicer
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.scene.interface.shortcuts import SHORTCUTS, TABLE_KEYS, meanings
+from ViTTransferFunction.Logic.scene.interface.shortcuts import SHORTCUTS, TABLE_KEYS, WHILE_HELD, meanings
 from ViTTransferFunction.Widget.number_boxes import NumberBoxes
 
 OF_OTHER_PROGRAMS = {"Ctrl+Z": "undo", "Ctrl+Y": "redo", "Ctrl+Shift+Z": "redo"}
@@ -63,6 +63,7 @@ class Shortcuts:
 
     def _make(self, key: str, action: str, window: Any) -> Any:
         made = qt.QShortcut(qt.QKeySequence(key), window)
+        made.autoRepeat = action in WHILE_HELD
         made.activated.connect(self._actions[action])
         return made
 

@@ -84,7 +84,7 @@ class VolumeSection(Section):
         self._progress.show(progress)
 
     def _keep_keyboard(self, phase: str) -> None:
-        """What has the keyboard may go. Qt would choose the next section's header, scroll there, and the next Space close that."""
+        """What has the keyboard may go. Qt would choose the next section's header, scroll there, and Space would close that."""
         if phase == "extracting":
             self._progress.cancel_button.setFocus()
         elif phase == "ready":

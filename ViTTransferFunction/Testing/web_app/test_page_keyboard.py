@@ -309,6 +309,22 @@ def test_a_structure_is_chosen_renamed_and_removed_by_keys(page: AppPage) -> Non
     page.wait_for_state("classes.length === 7")
 
 
+def test_a_key_that_is_held_down_takes_up_a_tool_once_and_removes_one_structure(page: AppPage) -> None:
+    keyboard = page.page.keyboard
+    for _ in range(4):  # The browser says of all but the first that they are repetitions.
+        keyboard.down("e")
+    keyboard.up("e")
+    page.wait_for_state("tool === 'eraser'")
+    page["class-2"].focus()
+    for _ in range(3):
+        keyboard.down("Delete")
+    keyboard.up("Delete")
+    page.wait_for_state(f"classes.length === {STRUCTURES - 1}")
+    # By the answer to this, what was asked before has been done.
+    keyboard.press("n")
+    page.wait_for_state(f"tool === 'pointOff' && classes.length === {STRUCTURES - 1}")
+
+
 def test_where_all_structures_were_removed_buttons_bring_them_back(page: AppPage) -> None:
     for left in reversed(range(STRUCTURES)):
         page["class-remove-0"].click()

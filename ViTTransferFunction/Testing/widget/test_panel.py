@@ -139,9 +139,7 @@ def test_a_message_is_seen_where_the_panel_is_scrolled_down(host: Host, widget: 
     assert not widget.ui.messageLabel.visibleRegion().isEmpty()
 
 
-def test_a_message_is_seen_where_the_button_that_had_the_keyboard_can_no_longer_be_pressed(
-    host: Host, widget: Any
-) -> None:
+def test_a_message_is_seen_where_the_button_that_had_the_keyboard_can_no_longer_be_pressed(host: Host, widget: Any) -> None:
     host.window.resize(host.window.width(), 400)
     host.window.activateWindow()
     button = widget.ui.writeSegmentsButton
@@ -469,6 +467,13 @@ def test_keys_do_what_the_buttons_do_while_the_module_is_open(widget: Any, host:
     host.representation.enter()
     QTest.keyClick(host.window, Qt.Key.Key_A)
     assert widget.panel.tools.tool == "pointOn"
+
+
+def test_a_key_that_is_held_down_takes_up_no_tool_again_and_removes_one_structure(widget: Any) -> None:
+    again = {shortcut.key().toString() for shortcut in widget.panel.shortcuts.installed if shortcut.autoRepeat()}
+    assert again == {"Z", "Y", "X", "[", "]", "Q", "W", "J", "Ctrl+Z", "Ctrl+Y", "Ctrl+Shift+Z"}
+    in_table = {action.shortcut().toString(): action.autoRepeat() for action in widget.ui.classTable.actions()}
+    assert {key for key, repeated in in_table.items() if key and repeated} == {"Alt+Up", "Alt+Down"}
 
 
 def test_undo_and_redo_are_on_the_keys_of_other_programs_too(widget: Any, host: Host) -> None:

@@ -34,7 +34,7 @@
     const action = { z: "undo", "Shift+z": "redo", y: "redo", s: "save" }[key];
     if (event.altKey || !action || (action !== "save" && isTyping(event.target))) return;
     event.preventDefault();
-    if (document.querySelector(".backdrop")) return;
+    if (document.querySelector(".backdrop") || (action === "save" && event.repeat)) return;
     if (action !== "save") return act(action);
     const save = document.querySelector("[data-save]:not(.disabled)");
     if (save) save.click();
@@ -54,6 +54,7 @@
     if (SEARCH_KEYS.includes(key)) event.preventDefault();
     const shortcut = (state("keys") || []).find((entry) => entry.key === key);
     if (!shortcut) return;
+    if (event.repeat && !shortcut.while_held) return event.preventDefault();
     const row = event.target.closest && event.target.closest("[data-class-row]");
     if (state("table_keys").includes(shortcut.action)) {
       if (!row) return;

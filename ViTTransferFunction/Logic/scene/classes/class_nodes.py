@@ -29,6 +29,9 @@ CLASS_ROLE = "class"
 NEGATIVE_ROLE = "negativePoints"
 LIST_CLASS = "vtkMRMLMarkupsFiducialNode"
 """Of lists of points."""
+LABEL_FORMAT = "%d"
+"""Of the labels of points, which nobody sees: their numbers. Slicer has the list's name in it, and gives it to C's `printf`,
+to which "70% stenosis" says that text comes there: the application would end with the next point."""
 _VOLUME_NAME = "volumeName"
 """Attribute of a class's list that belongs to a volume, or did so before that was gone: the volume's name."""
 
@@ -230,6 +233,7 @@ def _tell_apart(positive: slicer.vtkMRMLMarkupsFiducialNode, present: Sequence[s
 
 def _create_list(scene: slicer.vtkMRMLScene, polarity: Polarity) -> slicer.vtkMRMLMarkupsFiducialNode:
     node: slicer.vtkMRMLMarkupsFiducialNode = add_markups(scene, LIST_CLASS)
+    node.SetControlPointLabelFormat(LABEL_FORMAT)
     set_attribute(node, "polarity", polarity)
     _create_display(node)
     put_into_folder(scene, node)
@@ -262,8 +266,10 @@ def _outside(name: str) -> str:
     return f"{name} – outside"
 
 
-def _set_name(node: slicer.vtkMRMLNode, name: str) -> None:
+def _set_name(node: slicer.vtkMRMLMarkupsFiducialNode, name: str) -> None:
     if node.GetName() != name_for_scene(name):
+        # First: earlier versions left it as Slicer has it.
+        node.SetControlPointLabelFormat(LABEL_FORMAT)
         node.SetName(name_for_scene(name))
 
 

@@ -56,6 +56,12 @@ SHORTCUTS: tuple[Shortcut, ...] = (
 TABLE_KEYS: dict[str, str] = {"rename": "F2", "moveUp": "Alt+Up", "moveDown": "Alt+Down", "remove": "Del"}
 """Keys of the table of structures, by action: they work only while it has the focus."""
 
+WHILE_HELD = frozenset(
+    ("undo", "redo", "removeLast", "smaller", "larger", "previousClass", "nextClass", "nextPoint", "moveUp", "moveDown")
+)
+"""Actions that are done again and again while their key is held down. All others are done once: a tool would be taken up and
+put down in turn, and be in hand at the end or not; structure after structure would be removed."""
+
 
 def meanings() -> dict[str, str]:
     """What each action does, for users."""

@@ -57,6 +57,23 @@ def display_of_negative(node: Any) -> Any:
     return negative.GetDisplayNode()
 
 
+@pytest.mark.parametrize("earlier", [False, True])
+def test_names_are_in_no_labels_of_points_which_the_c_library_would_take_for_formats(
+    scene: Any, parameter_node: Any, earlier: bool
+) -> None:
+    """Of "70% stenosis", it would read text at the address that is the point's number, and the application would end."""
+    positive = create_class(scene, parameter_node, LIVER)
+    negative = negative_node(positive)
+    assert negative is not None
+    for node in (positive, negative):
+        if earlier:
+            node.SetControlPointLabelFormat("%N-%d")
+    write_class(scene, positive, replace(LIVER, name="50% done"))
+    for node in (positive, negative):
+        n = node.AddControlPoint(1.0, 2.0, 3.0)
+        assert node.GetNthControlPointLabel(n).isdigit()
+
+
 def test_what_was_written_is_read(scene: Any, parameter_node: Any) -> None:
     assert read_class(create_class(scene, parameter_node, LIVER)) == LIVER
     plain = ClassState("b2", "spleen", Appearance((0.0, 0.0, 0.0)))
