@@ -314,7 +314,7 @@ def test_a_key_that_is_held_down_takes_up_a_tool_once_and_removes_one_structure(
     for _ in range(4):  # The browser says of all but the first that they are repetitions.
         keyboard.down("e")
     keyboard.up("e")
-    page.wait_for_state("tool === 'eraser'")
+    page.page.wait_for_function("window.trame.state.get('tool') === 'eraser'")
     page["class-2"].focus()
     for _ in range(3):
         keyboard.down("Delete")
@@ -322,7 +322,8 @@ def test_a_key_that_is_held_down_takes_up_a_tool_once_and_removes_one_structure(
     page.wait_for_state(f"classes.length === {STRUCTURES - 1}")
     # By the answer to this, what was asked before has been done.
     keyboard.press("n")
-    page.wait_for_state(f"tool === 'pointOff' && classes.length === {STRUCTURES - 1}")
+    page.page.wait_for_function("window.trame.state.get('tool') === 'pointOff'")
+    page.wait_for_state(f"classes.length === {STRUCTURES - 1}")
 
 
 def test_where_all_structures_were_removed_buttons_bring_them_back(page: AppPage) -> None:

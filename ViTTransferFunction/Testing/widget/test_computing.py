@@ -18,6 +18,7 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 import slicer
 from PySide6.QtCore import QEventLoop, QObject, Qt, QTimerEvent
 from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QScrollArea
 
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
@@ -189,7 +190,9 @@ def test_the_panel_is_not_scrolled_when_features_are_computed(widget: Any, host:
     host.window.activateWindow()
     ui.extractButton.setFocus()
     wait_until(ui.extractButton.hasFocus)
-    bar = host.window.centralWidget().verticalScrollBar()
+    area = host.window.centralWidget()
+    assert isinstance(area, QScrollArea)
+    bar = area.verticalScrollBar()
     wait_until(lambda: bar.maximum() > 0)
     bar.setValue(0)
     QTest.mouseClick(ui.extractButton, Qt.MouseButton.LeftButton)
