@@ -46,25 +46,26 @@ Run = dict[str, Any]
 def write_report(report: dict[str, Any], failures: Sequence[Failure], folder: Path, earlier: Cases) -> None:
     """Write accuracy.json, accuracy.md, accuracy_iou.png and accuracy_failures.png, with an earlier run's cases beside.
 
-    Those of another preset than the default have its name as well, such as accuracy_fine.json.
+    Of another preset than the default there are no pictures, and its name is in the files', such as accuracy_fine.json.
     """
     runs, name = report["runs"], _name(report)
     # Short: with all metrics and clicks, it would be too large to be kept with every version of the code.
     figures = {**report, "summary": summary(runs), "runs": single_runs(runs)}
     write_results(folder, name, figures, text(report, earlier))
-    plot_iou(runs, folder / f"{name}_iou.png")
-    plot_failures(failures, folder / f"{name}_failures.png")
+    if _has_pictures(report):
+        plot_iou(runs, folder / f"{name}_iou.png")
+        plot_failures(failures, folder / f"{name}_failures.png")
 
 
 def text(report: dict[str, Any], earlier: Cases) -> str:
     """The report for people."""
-    runs = report["runs"]
+    runs, name = report["runs"], _name(report)
     compared = [case for case in names_of(runs, "case") if len(methods_on(runs, case)) > 1]
     return paragraphs(
         "# Accuracy by clicks",
         f"Features of {report['model']}, preset *{report['preset']}*, {report['paths']} paths of clicks. "
         f"{in_words(report['machine'])}. "
-        f"Command: `{_command(report)}`. Dice by structure, path and click is in `{_name(report)}.json`.",
+        f"Command: `{_command(report)}`. Dice by structure, path and click is in `{name}.json`.",
         CAPTION,
         *(part for group in GROUPS for part in case_table(group.title, [case.name for case in group.cases], runs)),
         *(("## Before and now", before_and_now(earlier, summary(runs)["cases"])) if earlier else ()),
@@ -73,9 +74,9 @@ def text(report: dict[str, Any], earlier: Cases) -> str:
         "## A click never hurts",
         CLICK_CAPTION,
         click_change_table(runs),
-        f"![Worst structures of each volume]({_name(report)}_failures.png)",
+        *([f"![Worst structures of each volume]({name}_failures.png)"] if _has_pictures(report) else []),
         *(part for case in names_of(runs, "case") for part in structure_table(runs, case)),
-        *(_beside_other_methods(runs, compared, f"{_name(report)}_iou.png") if compared else ()),
+        *(_beside_other_methods(runs, compared, f"{name}_iou.png" if _has_pictures(report) else None) if compared else ()),
         f"## As published ({published.DATA_SET})",
         _published(),
     )
@@ -84,6 +85,11 @@ def text(report: dict[str, Any], earlier: Cases) -> str:
 def _name(report: dict[str, Any]) -> str:
     """Of the files with the results."""
     return "accuracy" if report["preset"] == DEFAULT_PRESET else f"accuracy_{report['preset']}"
+
+
+def _has_pictures(report: dict[str, Any]) -> bool:
+    """Every version of a picture stays in the repository for ever: the default's failures are looked at."""
+    return bool(report["preset"] == DEFAULT_PRESET)
 
 
 def _command(report: dict[str, Any]) -> str:
@@ -141,9 +147,10 @@ def _change_row(what: str, found: ChangeSummary | None) -> list[str]:
     return [what, str(found.count), f"{found.unhurt:.1%}", f"{found.worst.change:+.3f}", found.worst.where]
 
 
-def _beside_other_methods(runs: Sequence[Run], cases: Sequence[str], picture: str) -> Iterator[str]:
+def _beside_other_methods(runs: Sequence[Run], cases: Sequence[str], picture: str | None) -> Iterator[str]:
     yield f"## Beside other methods\n\n{_COMPARISON}"
-    yield f"![Intersection over union by annotations]({picture})"
+    if picture is not None:
+        yield f"![Intersection over union by annotations]({picture})"
     yield _comparison(runs, cases)
     yield f"## Metrics by number of annotations\n\nMeans over the structures and paths of {', '.join(cases)}."
     yield _by_annotations(runs, cases)
