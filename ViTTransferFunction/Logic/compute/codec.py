@@ -35,6 +35,7 @@ _TYPES: dict[str, type] = {
         requests.Cancel,
         requests.Started,
         requests.Done,
+        requests.Loaded,
         requests.FirstMap,
         requests.Maps,
         requests.Volumes,

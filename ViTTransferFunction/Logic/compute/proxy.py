@@ -30,6 +30,7 @@ from .requests import (
     FirstMap,
     GivenUp,
     Labels,
+    Loaded,
     LookCloser,
     Maps,
     MeasureMaps,
@@ -68,6 +69,7 @@ class SegmentationProxy:
         phase: how far the volume is.
         voxels: the digest of the volume's (`Taken`); empty until known.
         usable: whether maps can be had: once features are ready, or while they still become finer.
+        not_kept: why its features will have to be computed again next time, in words for the user; empty where they will not.
         estimate: what its features will cost; None until known.
         progress: of the running work; None where nothing runs that takes long.
         awaiting_close_ups: ids of the classes whose `low_maps` are of the whole volume until their close-ups are there.
@@ -88,7 +90,7 @@ class SegmentationProxy:
             (TakeVolume, Taken): self._on_taken,
             (ReleaseVolume, Done): lambda request, reply: set(),
             (Prepare, FeatureEstimate): self._on_estimate,
-            (Extract, Done): self._on_features,
+            (Extract, Loaded): self._on_features,
             (LookCloser, Done): self._on_close_ups,
             (ComputeMaps, Maps): self._on_maps,
             (MeasureMaps, Volumes): self._on_volumes,
@@ -102,6 +104,7 @@ class SegmentationProxy:
         self.phase: Phase = "no volume" if self._volume is None else "no features"
         self.voxels = ""
         self.usable = False
+        self.not_kept = ""
         self.estimate: FeatureEstimate | None = None
         self.progress: WorkProgress | None = None
         self._answers.forget()
@@ -354,8 +357,8 @@ class SegmentationProxy:
             self.extract()
         return {"state"}
 
-    def _on_features(self, request: Extract, reply: Done) -> set[Event]:
-        self.phase = "ready"
+    def _on_features(self, request: Extract, reply: Loaded) -> set[Event]:
+        self.phase, self.not_kept = "ready", reply.not_kept
         return self._on_usable()
 
     def _on_usable(self) -> set[Event]:

@@ -66,7 +66,7 @@ class Prepare:
 
 @dataclass(frozen=True)
 class Extract:
-    """Load the features, from the cache or by computing them. Replied to by `Done`, after any number of `CoarseFeatures`."""
+    """Load the features, from the cache or by computing them. Replied to by `Loaded`, after any number of `CoarseFeatures`."""
 
 
 @dataclass(frozen=True)
@@ -152,6 +152,17 @@ class Started:
 @dataclass(frozen=True)
 class Done:
     """It is done, and there is nothing more to say."""
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """The features are there.
+
+    Attributes:
+        not_kept: see `FeatureProvenance`.
+    """
+
+    not_kept: str
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,7 @@ from .requests import (
     Done,
     Extract,
     Labels,
+    Loaded,
     LookCloser,
     Maps,
     MeasureMaps,
@@ -147,14 +148,14 @@ class SegmentationService:
         self._session = session
         return estimate
 
-    def _extract(self, request: Extract) -> Done:
+    def _extract(self, request: Extract) -> Loaded:
         session = self._the_session
         # Coarse features, whose finer ones were cancelled before, may have been segmented.
         self._segmented = None
         self._on_preparable()
-        session.load_features(self._progress, self._on_coarse and self._tell_of_coarse)
+        provenance = session.load_features(self._progress, self._on_coarse and self._tell_of_coarse)
         self._on_preparable()
-        return Done()
+        return Loaded(provenance.not_kept)
 
     def _tell_of_coarse(self) -> None:
         assert self._on_coarse is not None

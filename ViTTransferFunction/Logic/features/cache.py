@@ -73,15 +73,17 @@ class FeatureCache:
         """Whether there is a file of features named `key`; whether it is sound, only `get` finds out."""
         return self._entry(self._path(key)) is not None
 
-    def put(self, features: FeatureVolume) -> None:
+    def put(self, features: FeatureVolume) -> str:
         """Store features, whole or not at all, then remove the least recently used beyond the limit.
 
         Features that are not finite are not stored. Where the folder cannot be written to, or the disk is full, a warning says
         so once.
+
+        Returns:
+            Why they are not kept, for the user; "" where they are.
         """
         if not all(all_finite(layer) for layer in features.array):
-            logger.warning("The features hold values that are not numbers; they are not kept in the cache.")
-            return
+            return _warn_once("The features hold values that are not numbers; they are not kept in the cache.")
         path = self._path(features.key)
         try:
             make_private(self.folder)
@@ -90,12 +92,12 @@ class FeatureCache:
             path.chmod(0o600)
         except (OSError, InputError) as error:
             reason = error.strerror if isinstance(error, OSError) else error
-            _warn_once(
+            return _warn_once(
                 f"Features cannot be kept in {self.folder} and are computed again next time ({reason}). The environment "
                 f"variable {CACHE_VARIABLE} can name another folder."
             )
-            return
         self._evict(keep=features.key)
+        return ""
 
     def check_room(self, needed_bytes: int) -> None:
         """Raise InputError if features of this size will not fit on the disk: before minutes are spent on them."""
@@ -187,7 +189,9 @@ class CacheEntry:
 _told: set[str] = set()
 
 
-def _warn_once(message: str) -> None:
+def _warn_once(message: str) -> str:
+    """Warn of something unless that was done before; returns it."""
     if message not in _told:
         _told.add(message)
         logger.warning(message)
+    return message

@@ -508,6 +508,11 @@ class SceneSession:
     def _take_problem(self) -> None:
         if error := self._proxy.take_error():
             self._problems.put("computing", error)
+        if self._proxy.phase == "ready":
+            if self._proxy.not_kept:
+                self._problems.put("cache", self._proxy.not_kept)
+            else:
+                self._problems.solve("cache")
 
     def _report(self, message: str) -> None:
         self._problems.put("segments", message)

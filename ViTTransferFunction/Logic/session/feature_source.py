@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -47,12 +47,14 @@ class FeatureProvenance:
         device: what they were computed on, or would have been.
         precision: in which they were computed.
         cached: whether they were found in the cache.
+        not_kept: why they are not there the next time, for the user; "" where they are.
     """
 
     weights: WeightsFile
     device: str
     precision: str
     cached: bool
+    not_kept: str = ""
 
 
 class FeatureSource:
@@ -181,7 +183,7 @@ class FeatureSource:
             features = extract_features(self._volume, network, self._settings, progress)
             normalised = normalised_features(features, self._statistics)
             yield normalised
-        self._cache.put(normalised.source)
+        self.provenance = replace(self.provenance, not_kept=self._cache.put(normalised.source))
 
     def _cached(self, key: str) -> NormalisedFeatures | None:
         """The features out of the cache; None where it has none of them, or others in their place."""

@@ -11,7 +11,16 @@ import pytest
 from ViTTransferFunction.Logic.compute import due_requests
 from ViTTransferFunction.Logic.compute.client import ComputeClient
 from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
-from ViTTransferFunction.Logic.compute.requests import ComputeMaps, Done, Extract, Maps, Prepare, Refinement, Taken, TakeVolume
+from ViTTransferFunction.Logic.compute.requests import (
+    ComputeMaps,
+    Extract,
+    Loaded,
+    Maps,
+    Prepare,
+    Refinement,
+    Taken,
+    TakeVolume,
+)
 from ViTTransferFunction.Testing.support.stub_client import CLOSER, COSTLY, MAP, SETTINGS, SPLEEN, VOLUME, StubClient
 
 
@@ -54,7 +63,7 @@ def proxy(client: StubClient, monkeypatch: pytest.MonkeyPatch) -> SegmentationPr
 def ready(proxy: SegmentationProxy, client: StubClient) -> SegmentationProxy:
     """With features, and no class yet."""
     proxy.extract()
-    client.answer(Extract, Done())
+    client.answer(Extract, Loaded(""))
     proxy.poll()
     return proxy
 

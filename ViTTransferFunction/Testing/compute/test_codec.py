@@ -43,6 +43,7 @@ BODIES = [
     requests.Cancel((3, 4)),
     requests.Started(4711),
     requests.Done(),
+    requests.Loaded("The disk is full."),
     requests.FirstMap(ClassMap(ARRAY.astype(np.float32), GEOMETRY, 0.5, prior=0.2)),
     requests.Maps((ClassMap(ARRAY.astype(np.float32), GEOMETRY, 0.5),)),
     requests.Volumes((2.5, 0.0)),

@@ -21,6 +21,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     Failed,
     GivenUp,
     Labels,
+    Loaded,
     LookCloser,
     Maps,
     MeasureMaps,
@@ -293,7 +294,7 @@ def test_close_ups_wait_for_the_features_of_the_whole(proxy: SegmentationProxy, 
     client.answer(ComputeMaps, Maps((MAP,), awaiting_close_ups=("liver",)))
     proxy.poll()
     assert "LookCloser" not in client.kinds()
-    client.answer(Extract, Done())
+    client.answer(Extract, Loaded(""))
     proxy.poll()
     client.answer(ComputeMaps, Maps((MAP,), awaiting_close_ups=("liver",)))
     proxy.poll()

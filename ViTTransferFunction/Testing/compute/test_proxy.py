@@ -19,6 +19,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     FirstMap,
     GivenUp,
     Labels,
+    Loaded,
     LookCloser,
     Maps,
     MeasureMaps,
@@ -408,9 +409,20 @@ def test_a_lost_process_is_reported_and_started_again_by_the_next_extraction(
     client.alive = True
     refined.extract()
     assert client.kinds()[-3:] == ["TakeVolume", "Prepare", "Extract"]
-    client.answer(Extract, Done())
+    client.answer(Extract, Loaded(""))
     refined.poll()
     assert client.asked[-1] == ComputeMaps((LIVER,))
+
+
+def test_why_features_are_not_kept_is_known_until_another_volume_is_opened(
+    proxy: SegmentationProxy, client: StubClient
+) -> None:
+    proxy.extract()
+    client.answer(Extract, Loaded("The disk is full."))
+    assert proxy.poll() == {"state"}
+    assert (proxy.phase, proxy.not_kept, proxy.take_error()) == ("ready", "The disk is full.", None)
+    proxy.open(VOLUME, SETTINGS)
+    assert proxy.not_kept == ""
 
 
 def test_a_process_that_was_started_ahead_serves_the_volume_that_is_chosen_then(client: StubClient) -> None:

@@ -23,6 +23,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     FirstMap,
     GivenUp,
     Labels,
+    Loaded,
     LookCloser,
     Maps,
     MeasureMaps,
@@ -79,7 +80,7 @@ def open_spheres(client: ComputeClient, spheres: Spheres) -> None:
     estimate = reply_to(client, client.request(Prepare(SETTINGS)))
     assert isinstance(estimate, FeatureEstimate)
     assert estimate.cached
-    assert reply_to(client, client.request(Extract())) == Done()
+    assert reply_to(client, client.request(Extract())) == Loaded("")
 
 
 def test_a_volume_is_segmented_from_clicks(client: ComputeClient, spheres: Spheres) -> None:

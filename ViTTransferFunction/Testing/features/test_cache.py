@@ -49,7 +49,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FeatureCache:
 
 def test_what_was_stored_comes_back_exactly(cache: FeatureCache) -> None:
     stored = features_named("a")
-    cache.put(stored)
+    assert cache.put(stored) == ""
     found = cache.get(key("a"))
     assert found is not None
     assert found.array.dtype == np.float16
@@ -213,7 +213,7 @@ def test_a_folder_that_cannot_be_written_is_told_once_and_nothing_else_happens(
     cache = FeatureCache(tmp_path / "file" / "features")
     for name in ("a", "b"):
         cache.check_room(1)
-        cache.put(features_named(name))
+        assert "cannot be kept" in cache.put(features_named(name))
         assert cache.get(key(name)) is None
     assert (cache.entries(), cache.clear()) == ([], 0)
     (message,) = caplog.messages

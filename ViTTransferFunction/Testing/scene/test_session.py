@@ -385,6 +385,22 @@ def test_other_voxels_need_other_features(session: SceneSession, spheres: tuple[
 
 
 @pytest.mark.slow
+def test_that_features_cannot_be_kept_is_told_once_and_over_when_they_are(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    annotate(session, spheres)
+    session._proxy.not_kept = "Features cannot be kept."
+    session.wait()
+    session.poll()
+    assert session.take_error() == "Features cannot be kept."
+    session.poll()
+    assert (session.take_error(), session.errors) == (None, ("Features cannot be kept.",))
+    session._proxy.not_kept = ""
+    session.poll()
+    assert session.errors == ()
+
+
+@pytest.mark.slow
 def test_where_the_model_is_removed_that_it_was_damaged_is_over_and_its_download_is_asked_about(
     session: SceneSession, a_cache_of_its_own: Path
 ) -> None:

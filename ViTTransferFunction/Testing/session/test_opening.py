@@ -210,3 +210,14 @@ def test_the_former_model_is_taken_where_its_weights_are_here_and_none_is_chosen
     assert chosen_model(replace(automatic, model="dino_vits8")).name == "dino_vits8"
     assert chosen_model(replace(automatic, weights_path=None)).name == "dinov2_vits14"
     assert chosen_model(replace(automatic, former_model="of a later version", weights_path=None)).name == "dinov2_vits14"
+
+
+def test_who_loads_features_that_cannot_be_kept_is_told_why(
+    tiny_weights: SessionSettings, spheres: Spheres, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert open_session(spheres[0], tiny_weights).load_features().not_kept == ""
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("VITTF_CACHE", str(tmp_path / "file" / "cache"))
+    provenance = open_session(spheres[0], tiny_weights).load_features()
+    assert not provenance.cached
+    assert "cannot be kept" in provenance.not_kept

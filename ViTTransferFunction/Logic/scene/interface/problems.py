@@ -5,12 +5,22 @@ from __future__ import annotations
 from typing import Literal
 
 Cause = Literal[
-    "volume", "computing", "segments", "older segments", "views", "close-up", "left behind", "model", "placing", "defect"
+    "volume",
+    "computing",
+    "cache",
+    "segments",
+    "older segments",
+    "views",
+    "close-up",
+    "left behind",
+    "model",
+    "placing",
+    "defect",
 ]
-"""The volume or a setting; the compute process, or what it was asked for; segments that could not be written; those of a
-frame that users come back to; what cannot be shown; a structure that cannot be looked at more closely; points that the volume
-was moved away from; the model that structures were made with, which is not to be had; a point that was to be placed on
-nothing; what a poll raised."""
+"""The volume or a setting; the compute process, or what it was asked for; features that cannot be kept; segments that could
+not be written; those of a frame that users come back to; what cannot be shown; a structure that cannot be looked at more
+closely; points that the volume was moved away from; the model that structures were made with, which is not to be had; a point
+that was to be placed on nothing; what a poll raised."""
 
 
 class Problems:
