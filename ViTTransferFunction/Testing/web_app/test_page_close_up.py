@@ -170,6 +170,7 @@ def test_the_words_and_the_key_are_those_of_the_panel(opened: Callable[[Journey]
         form = panel_form()
         assert form["closeUpLayoutLabel"]["label"] == "Close-up"
         assert [form[f"{name}Button"]["text"] for name in ("lookCloser", "lookAtWhole")] == ["Look closer", "Look at whole"]
-        assert {"key": "C", "action": "lookCloser", "meaning": "look closer at the structure"} in app.server.state["keys"]
+        (key,) = (key for key in app.server.state["keys"] if key["action"] == "lookCloser")
+        assert key == {"key": "C", "action": "lookCloser", "meaning": "look closer at the structure", "while_held": False}
 
     opened(journey)
