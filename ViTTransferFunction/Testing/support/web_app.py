@@ -151,7 +151,6 @@ class AppPage:
     def __init__(self, page: Any, pictures: Path) -> None:
         self.page = page
         self._pictures = pictures
-        self._clicked: tuple[float, float] | None = None
         self.errors: list[str] = []
         page.set_default_timeout(1000.0 * LONGEST_WAIT_S)
         page.on("pageerror", lambda error: self.errors.append(str(error)))
@@ -167,8 +166,6 @@ class AppPage:
 
     def click(self, test_id: str) -> None:
         """Click on an element."""
-        box = self[test_id].bounding_box()
-        self._clicked = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
         self[test_id].click()
 
     def wait_for_state(self, condition: str) -> None:
@@ -193,13 +190,10 @@ class AppPage:
         return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
 
     def keep_picture(self, name: str) -> None:
-        """Keep a picture of the whole page, numbered by the order of the steps, and where it was clicked before, if it was."""
+        """Keep a picture of the whole page, numbered by the order of the steps."""
         self._pictures.mkdir(parents=True, exist_ok=True)
         number = len(list(self._pictures.glob("*.png"))) + 1
-        path = self._pictures / f"{number:02d} {name}.png"
-        self.page.screenshot(path=path, animations="disabled")
-        path.with_suffix(".json").write_text(json.dumps(self._clicked), encoding="utf-8")
-        self._clicked = None
+        self.page.screenshot(path=self._pictures / f"{number:02d} {name}.png", animations="disabled")
 
     def wait_for_picture(self, view: str, condition: Callable[[np.ndarray], bool]) -> np.ndarray:
         """Wait until what a view shows meets a condition; returns it. Pictures come when they are drawn."""
@@ -211,10 +205,7 @@ class AppPage:
     def click_in(self, view: str, column: float, row: float) -> None:
         """Click in a view, at pixels from its upper left corner."""
         box = self[f"view-{view}"].bounding_box()
-        self._clicked = box["x"] + column, box["y"] + row
-        self.page.mouse.move(*self._clicked)
-        self.page.mouse.down()
-        self.page.mouse.up()
+        self.page.mouse.click(box["x"] + column, box["y"] + row)
 
     def turn_wheel(self, view: str, turns: list[tuple[int, float]]) -> None:
         """Turn the wheel over a view several times at once, each by its mode (0: pixels, 1: lines) and how far."""

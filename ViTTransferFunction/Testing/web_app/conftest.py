@@ -55,7 +55,7 @@ def _missing(reason: str) -> Any:
 def pictures(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
     """The folder for the pictures of a test file's steps, without those of an earlier run."""
     folder = Path(PICTURES or tmp_path_factory.mktemp("pictures")) / request.module.__name__.rpartition(".")[2]
-    for old in (*folder.glob("[0-9][0-9] *.png"), *folder.glob("[0-9][0-9] *.json")):
+    for old in folder.glob("[0-9][0-9] *.png"):
         old.unlink()
     return folder
 
