@@ -179,13 +179,15 @@ def points_before(points_ras: np.ndarray, classes: np.ndarray, positive: np.ndar
         positive: (P,) bool, whether it is a positive point of that class.
 
     Returns:
-        Of the index of each of a class's first positive points, the indices of those before it; of each negative one, of the
-        first positive one.
+        Of the index of each of a class's first positive points, and of any later one at the same place, the indices of those
+        before the first one there; of each negative one, of the first positive one.
     """
     before: dict[int, np.ndarray] = {}
     for index in np.unique(classes[positive]):
         own = np.flatnonzero((classes == index) & positive)
         first = own[different_places(points_ras[own])[:FIRST_POINTS]]
-        before |= {int(point): first[:count] for count, point in enumerate(first)}
+        for count, point in enumerate(first):
+            there = own[(points_ras[own] == points_ras[point]).all(axis=1)]
+            before |= {int(each): first[:count] for each in there}
         before |= {int(point): first[:1] for point in np.flatnonzero((classes == index) & ~positive)}
     return before

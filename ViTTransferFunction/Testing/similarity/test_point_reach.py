@@ -169,7 +169,14 @@ def test_the_first_few_different_positive_points_of_a_class_are_looked_at_and_al
     assert len(first) == FIRST_POINTS
     assert {point: list(earlier) for point, earlier in before.items()} == {
         **{point: first[:number] for number, point in enumerate(first)},
+        2: [],
         9: first[:1],
         10: [],
         11: [10],
     }
+
+
+def test_a_point_looked_at_where_an_earlier_one_is_reaches_no_farther_than_that_one() -> None:
+    points = np.array([[float(number), 0.0, 0.0] for number in (0, 1, 2, 1)])
+    before = points_before(points, np.zeros(4, dtype=int), np.ones(4, dtype=bool))
+    assert list(before[3]) == list(before[1]) == [0]
