@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import filecmp
 import stat
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -117,7 +119,7 @@ def holds_dicom(folder: Path) -> bool:
 
 
 def read_content(folder: Path) -> FolderContent:
-    """Read the headers of all DICOM files that `series_files` finds.
+    """Read the headers of all DICOM files that `series_files` finds. Of a slice and its copies, one is taken.
 
     Raises:
         InputError: a folder or file cannot be read, far too much lies below, or something in it is neither file nor folder.
@@ -134,7 +136,7 @@ def read_content(folder: Path) -> FolderContent:
             by_uid.setdefault(found.series_uid, []).append(found)
         elif _is_dicom(path):
             unread[path] = found
-    series = (each for slices in by_uid.values() for each in _volumes(slices, folder))
+    series = (each for slices in by_uid.values() for each in _volumes(list(_without_copies(slices)), folder))
     slices = [one.path for ones in by_uid.values() for one in ones]
     return FolderContent(sorted(series, key=_rank), unread, _empty_beside(slices))
 
@@ -168,6 +170,16 @@ def _slice_or_reason(path: Path) -> DicomSlice | str:
 def _why_unread(path: Path, complaint: str) -> str:
     instead = instead_of_scan(path)
     return f"is {instead}" if instead else f"cannot be read as an image: {complaint} Expected a slice of a scan."
+
+
+def _without_copies(slices: Iterable[DicomSlice]) -> Iterator[DicomSlice]:
+    """Slices of a series but for files that are the same, byte by byte, as one before, as where a disk was copied twice."""
+    paths_at: dict[tuple[bytes, int], list[Path]] = {}
+    for one in slices:
+        others = paths_at.setdefault((one.position.tobytes(), one.path.stat().st_size), [])
+        if not any(filecmp.cmp(one.path, other, shallow=False) for other in others):
+            others.append(one.path)
+            yield one
 
 
 def _volumes(slices: list[DicomSlice], folder: Path) -> list[DicomSeries]:

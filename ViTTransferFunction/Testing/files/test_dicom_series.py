@@ -39,6 +39,13 @@ def write_moved(folder: Path, scan: Scan, step: tuple[float, float, float]) -> N
     write_moved_dicom(folder, scan, np.arange(len(scan.array))[:, None] * step)
 
 
+def change_a_bit(file: Path) -> None:
+    """Of its last voxel."""
+    content = bytearray(file.read_bytes())
+    content[-1] ^= 1
+    file.write_bytes(content)
+
+
 @pytest.mark.parametrize("direction", [np.eye(3), SAGITTAL])
 def test_of_a_regular_stack_there_is_nothing_to_say(tmp_path: Path, direction: np.ndarray) -> None:
     write_dicom(tmp_path, stack(direction=direction))
@@ -84,9 +91,20 @@ def test_rounded_positions_are_no_shift(tmp_path: Path) -> None:
     assert warnings_of(tmp_path) == []
 
 
-def test_a_slice_that_is_there_twice_is_named(tmp_path: Path) -> None:
+def test_copies_of_slices_are_passed_over(tmp_path: Path) -> None:
+    paths = write_dicom(tmp_path / "disk", stack())
+    once = read_volume(tmp_path / "disk", pytest.fail)
+    shutil.copy(paths[3], tmp_path / "disk" / "again.dcm")
+    np.testing.assert_array_equal(read_volume(tmp_path / "disk", pytest.fail).array, once.array)
+    shutil.copytree(tmp_path / "disk", tmp_path / "disk copied")
+    twice = read_volume(tmp_path, pytest.fail)
+    np.testing.assert_array_equal(twice.array, once.array)
+    np.testing.assert_array_equal(twice.geometry.ijk_to_ras, once.geometry.ijk_to_ras)
+
+
+def test_a_slice_that_is_there_twice_and_not_the_same_is_named(tmp_path: Path) -> None:
     paths = write_dicom(tmp_path, stack())
-    shutil.copy(paths[3], tmp_path / "again.dcm")
+    change_a_bit(Path(shutil.copy(paths[3], tmp_path / "again.dcm")))
     with pytest.raises(InputError, match=r"two slices at one place: 003\.dcm and again\.dcm"):
         read_volume(tmp_path)
 
@@ -537,6 +555,7 @@ def test_of_slices_that_say_where_they_lie_as_frames_do_there_is_no_warning(tmp_
 def test_of_two_such_slices_at_one_place_it_is_the_place_that_is_wrong(tmp_path: Path) -> None:
     for name, height in {"a": 0.0, "b": 2.0, "c": 4.0, "copy of b": 2.0}.items():
         write_frames(tmp_path / f"{name}.dcm", [height])
+    change_a_bit(tmp_path / "copy of b.dcm")
     with pytest.raises(InputError, match=r"has two slices at one place: b\.dcm and copy of b\.dcm"):
         read_volume(tmp_path)
 

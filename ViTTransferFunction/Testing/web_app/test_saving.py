@@ -231,8 +231,8 @@ def test_what_is_wrong_with_files_that_were_sent_is_told_without_names_of_this_c
     form = aiohttp.FormData()
     slices = write_dicom(tmp_path / "sent", make_scan(random.Random(0), ("int16",))) if content is None else ()
     for name, sent in [("scan.nrrd", content)] if content is not None else [(path.name, path.read_bytes()) for path in slices]:
-        for _ in range(copies):
-            form.add_field("files", sent, filename=name)
+        for copy in range(copies):
+            form.add_field("files", sent[:-1] + bytes([sent[-1] ^ copy]), filename=name)
 
     async def journey(app: WebApp) -> None:
         async with browser_of(app) as browser, browser.post("/upload", data=form) as response:
