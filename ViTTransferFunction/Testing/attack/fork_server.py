@@ -27,7 +27,7 @@ from ViTTransferFunction.Testing.support.loaded_python import LOADED, load
 
 USED_BY_ALL = (
     "encodings.ascii", "encodings.cp1252", "encodings.cp437", "encodings.idna", "encodings.utf_8_sig",
-    "multiprocessing.synchronize",
+    "filecmp", "multiprocessing.synchronize",
     *LOADED, "SimpleITK", "torch.nn.functional", "tqdm", "vtk",
     "vtkmodules.util.numpy_support",
     "ViTTransferFunction.CommandLine.vittf", "ViTTransferFunction.Logic.compute.server",
