@@ -30,6 +30,9 @@ _CONFIG = {
     "distributed.scheduler.allowed-failures": 0,
     # Cases wait at the scheduler and not at a worker, whose death they would be blamed for.
     "distributed.scheduler.worker-saturation": 1.0,
+    # Dask looks once, by default 15 s after a worker died, and gives up for good one that is not there at that moment: since it
+    # died again, or the computer is slow. When the last one is given up, what is left waits for ever.
+    "distributed.deploy.lost-worker-timeout": "365 days",
     # Set in this process otherwise, where they do not belong.
     "distributed.nanny.pre-spawn-environ": {},
     "distributed.comm.timeouts.connect": "30s",

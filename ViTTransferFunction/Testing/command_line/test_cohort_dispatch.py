@@ -21,6 +21,7 @@ from ViTTransferFunction.CommandLine.cohort.job import CaseJob, CohortSettings
 from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome, Status
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.session.settings import SessionSettings
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 
 distributed = pytest.importorskip("distributed")
 
@@ -109,6 +110,18 @@ def test_a_worker_that_has_ended_by_itself_is_closed_as_others(monkeypatch: pyte
     monkeypatch.setattr(ImpatientNanny, "pid", 1234)
     monkeypatch.setattr(os, "kill", refused)
     assert asyncio.run(ImpatientNanny.close(object.__new__(ImpatientNanny))) == "OK"
+
+
+@pytest.mark.slow
+def test_a_worker_that_died_starts_again_however_long_that_takes() -> None:
+    import dask
+
+    from ViTTransferFunction.CommandLine.cohort.local_cluster import local_cluster
+
+    # Dask's own patience, after which it would never start again.
+    with dask.config.set({"distributed.deploy.lost-worker-timeout": "1 ms"}), local_cluster(1, 1) as client:
+        assert isinstance(client.submit(os._exit, 1).exception(), distributed.KilledWorker)
+        assert client.submit(abs, -1).result(timeout=LONGEST_WAIT_S) == 1
 
 
 def test_an_encrypted_address_without_certificates_is_refused() -> None:
