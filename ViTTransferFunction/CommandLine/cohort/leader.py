@@ -64,6 +64,7 @@ def lead_cohort(args: argparse.Namespace) -> int:
         waiting = _take_finished(table, jobs)
         if waiting:
             _compute(table, [jobs[case.name] for case in largest_first(waiting)], args)
+            _note_removed(table, jobs)
         table.save()
     return _summarise(table)
 
@@ -136,6 +137,14 @@ def _compute(table: CohortTable, jobs: Sequence[CaseJob], args: argparse.Namespa
         for done, outcome in enumerate(run_jobs(client, jobs), start=1):
             table.put(outcome)
             progress(done, len(jobs), "Segmenting cases")
+
+
+def _note_removed(table: CohortTable, jobs: dict[str, CaseJob]) -> None:
+    """Call no case done whose segmentation is gone: the folder was moved meanwhile, say, and workers made it anew."""
+    for name, job in jobs.items():
+        if table.outcomes[name].status in ("done", "unchanged") and not job.output.is_file():
+            message = f"{job.output} is not there any more; was it moved or removed meanwhile? Give the same command again"
+            table.outcomes[name] = CaseOutcome(name, "failed", message=message)
 
 
 @contextmanager

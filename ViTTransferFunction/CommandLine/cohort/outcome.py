@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 Status = Literal["done", "unchanged", "refused", "failed", "waiting"]
-"""Segmented now; segmented before from the same; cannot be used; ended by a defect or a killed process; not yet."""
+"""Segmented now; segmented before from the same; cannot be used; ended by a defect or a killed process, or removed; not yet."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import ssl
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -20,6 +20,9 @@ import pytest
 import torch
 
 from ViTTransferFunction.CommandLine.cohort import leader
+from ViTTransferFunction.CommandLine.cohort.job import CaseJob
+from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
+from ViTTransferFunction.CommandLine.cohort.table import CohortTable
 from ViTTransferFunction.CommandLine.vittf import main
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
@@ -99,6 +102,28 @@ def test_a_case_whose_name_no_file_may_have_is_refused_and_the_others_are_comput
     assert rows["'=1+1'"]["status"] == "refused"
     assert "cannot be the name of a case" in rows["'=1+1'"]["message"]
     assert rows["good, one"]["status"] == "waiting"
+
+
+def test_a_case_whose_segmentation_is_removed_while_others_are_computed_is_not_called_done(
+    options: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("kept", "removed"):
+        add_case(tmp_path, name, [LEFT])
+    out = tmp_path / "out"
+
+    def compute(table: CohortTable, jobs: Sequence[CaseJob], args: object) -> None:
+        for job in jobs:
+            table.put(CaseOutcome(job.case.name, "done", 1.0, {"left": 1.0}))
+        (out / "kept.seg.nrrd").write_bytes(b"a segmentation")
+
+    monkeypatch.setattr(leader, "_compute", compute)
+
+    assert main(["cohort", str(tmp_path), "-o", str(out), *options]) == 1
+
+    rows = rows_of(out / "cohort.csv")
+    assert (rows["kept"]["status"], rows["kept"]["ml left"]) == ("done", "1.000")
+    assert (rows["removed"]["status"], rows["removed"]["ml left"]) == ("failed", "")
+    assert "moved or removed" in rows["removed"]["message"]
 
 
 @pytest.mark.slow
