@@ -72,8 +72,12 @@ def _named(by_line: dict[str, DicomSeries], folder: Path, wanted: str) -> DicomS
         for line, series in by_line.items()
         if text in (series.number, series.description.casefold(), series.part.casefold(), line.casefold())
     ]
+    # Tables that have been through pandas have 3.0 for a number, and descriptions have it for a slice thickness.
+    number = text.removesuffix(".0")
     # Sizes and dates have digits as well; who gives nothing else means the series' number.
-    found = exactly or [line for line in by_line if text in line.casefold() and not text.isdigit()]
+    found = exactly or [
+        line for line, series in by_line.items() if series.number == number or (text in line.casefold() and not text.isdigit())
+    ]
     if not found:
         raise SeveralSeries(f"No DICOM series in {folder} is {shown(wanted)}; it holds {_told(list(by_line))}. {_HOW}", by_line)
     if len(found) > 1:

@@ -73,6 +73,15 @@ def test_what_fits_several_series_or_none_is_refused_with_what_there_is(tmp_path
         read_volume(tmp_path, series=wanted)
 
 
+def test_a_number_that_a_table_made_a_decimal_one_of_is_not_taken_for_another_series_slice_thickness(tmp_path: Path) -> None:
+    write_series(tmp_path, "2", "Thorax 3.0 B31f", 3)
+    write_series(tmp_path, "3", "Thorax 1.0 B70f", 5)
+    assert len(read(tmp_path, "2.0")[0].array) == 3
+    with pytest.raises(SeveralSeries, match=r"2 DICOM volumes in .* are '3\.0': 2: Thorax 3\.0 .*; 3: Thorax 1\.0 "):
+        read_volume(tmp_path, series="3.0")
+    assert len(read(tmp_path, "3.0 B31f")[0].array) == 3
+
+
 def test_the_only_series_is_not_read_in_place_of_another_one_that_was_named(tmp_path: Path) -> None:
     write_series(tmp_path, "2", "T1")
     with pytest.raises(InputError, match=r"No DICOM series in .* is 'T2'"):
