@@ -118,7 +118,7 @@ class Access:
         async def enter(request: web.Request) -> web.StreamResponse:
             headers = {"Content-Security-Policy": page_policy(html_of_page, request.host), "Cache-Control": "no-store"}
             response = web.Response(text=html_of_page, content_type="text/html", headers=headers)
-            self._session.give_to(response, self.path())
+            self._session.give_to(response)
             self._on_entered()
             return response
 
@@ -170,7 +170,7 @@ def _with_arrival(page: str) -> str:
 
 
 async def _to_folder(request: web.Request) -> web.StreamResponse:
-    raise web.HTTPFound(f"{request.path}/")
+    raise web.HTTPFound(f"{request.path.rpartition('/')[2]}/")
 
 
 async def _no_launcher(request: web.Request) -> web.StreamResponse:

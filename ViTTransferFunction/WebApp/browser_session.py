@@ -44,11 +44,12 @@ class BrowserSession:
         """Whether no page is there, so that another browser may have the session."""
         return self._socket is None
 
-    def give_to(self, response: web.StreamResponse, path: str) -> None:
-        """Make the browser that gets `response` the one that has the session; any other loses it."""
+    def give_to(self, response: web.StreamResponse) -> None:
+        """Make the browser that gets `response`, which is the page, the one that has the session; any other loses it."""
         self._key = secrets.token_urlsafe()
+        # Without a path, it is for the folder that the browser has the page from: a proxy may have put others before that.
         # Lax: a browser that comes by a link, or by an address clicked in a mail, is to be known again.
-        response.set_cookie(COOKIE, self._key, path=path, httponly=True, samesite="Lax")
+        response.set_cookie(COOKIE, self._key, path="", httponly=True, samesite="Lax")
 
     async def hold(
         self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]

@@ -485,10 +485,39 @@ def test_scripts_in_the_page_are_allowed_by_their_hash_alone(at: Callable[..., N
 def test_the_cookie_is_for_this_server_and_not_for_scripts(at: Callable[..., None]) -> None:
     async def visit(place: Place) -> None:
         async with a_browser() as browser, browser.get(place.url()) as response:
+            (cookie,) = browser.cookie_jar
+            assert cookie["path"] == place.access.path().rstrip("/")
             (cookie,) = response.cookies.values()
-            assert cookie["path"] == place.access.path()
             assert cookie["httponly"]
             assert cookie["samesite"] == "Lax"
+
+    at(visit)
+
+
+@pytest.mark.parametrize("end", ["", "/"])
+def test_a_proxy_may_serve_the_page_below_a_path_of_its_own(at: Callable[..., None], end: str) -> None:
+    prefix = "/user/somebody/proxy/8080"
+
+    async def visit(place: Place) -> None:
+        async def forward(request: web.Request) -> web.Response:
+            url, headers = place.root + request.path.removeprefix(prefix), request.headers
+            async with (
+                aiohttp.ClientSession(cookie_jar=aiohttp.DummyCookieJar()) as session,
+                session.get(url, headers=headers, allow_redirects=False) as answer,
+            ):
+                return web.Response(status=answer.status, headers=answer.headers, body=await answer.read())
+
+        proxy = web.Application()
+        proxy.router.add_get(f"{prefix}/{{route:.*}}", forward)
+        runner = web.AppRunner(proxy)
+        await runner.setup()
+        await web.TCPSite(runner, "127.0.0.1", 0).start()
+        below = f"http://127.0.0.1:{runner.addresses[0][1]}{prefix}{place.access.path()}"
+        async with a_browser() as browser:
+            for address in (below.rstrip("/") + end, below + "script.js"):
+                async with browser.get(address) as response:
+                    assert response.status == 200
+        await runner.cleanup()
 
     at(visit)
 
