@@ -11,7 +11,7 @@ from Benchmarks.shared.every_structure import LEAST_VOXELS
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes.resampling import resample_labels
-from ViTTransferFunction.Logic.files.image_headers import SEGMENTATION_ENDING, VOLUME_ENDINGS, volume_ending
+from ViTTransferFunction.Logic.files.image_formats import SEGMENTATION_ENDING, VOLUME_ENDINGS, volume_ending
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 

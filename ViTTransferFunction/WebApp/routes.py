@@ -16,7 +16,7 @@ from ..Logic.core.system.file_names import kept_name
 from ..Logic.core.system.private_folder import private_folder
 from ..Logic.core.system.progress import Progress
 from ..Logic.files.annotation_files import ANNOTATIONS_ENDING
-from ..Logic.files.image_headers import SEGMENTATION_ENDING
+from ..Logic.files.image_formats import SEGMENTATION_ENDING
 from .opening import OPENING
 from .packing import gzip_nrrd, zip_folder
 from .points_file import save_points

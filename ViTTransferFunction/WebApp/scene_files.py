@@ -16,7 +16,7 @@ import slicer
 from ..Logic.core.system.errors import InputError, shown
 from ..Logic.core.system.file_names import kept_name
 from ..Logic.core.system.regular_file import check_regular_file
-from ..Logic.files.image_headers import named_voxels
+from ..Logic.files.image_formats import named_voxels
 
 MODULE = "ViTTransferFunction"
 LARGEST_SCENE = 8 << 30

@@ -15,7 +15,8 @@ from aiohttp.http_exceptions import HttpProcessingError
 from ..Logic.core.system.errors import InputError, shown
 from ..Logic.core.system.file_names import LONGEST_NAME_BYTES, kept_name
 from ..Logic.files.dicom_folder import is_of_system
-from ..Logic.files.image_headers import DICOM_START_BYTES, check_no_archive, image_ending, is_dicom_start, locate_voxels
+from ..Logic.files.file_start import DICOM_START_BYTES, is_dicom_start
+from ..Logic.files.image_formats import check_no_archive, image_ending, locate_voxels
 from .points_file import POINTS_ENDING, are_points
 
 LARGEST_UPLOAD = 4 << 30

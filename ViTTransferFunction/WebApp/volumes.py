@@ -18,7 +18,7 @@ from ..Logic.core.volumes.intensity_window import (
     looks_like_hounsfield_units,
 )
 from ..Logic.core.volumes.volume import Volume
-from ..Logic.files.image_headers import DICOM_START_BYTES, is_dicom_start, read_start
+from ..Logic.files.file_start import DICOM_START_BYTES, is_dicom_start, read_start
 from ..Logic.files.volume_files import read_volume
 from ..Logic.scene.volumes.volume_nodes import set_image, volume_from_node
 

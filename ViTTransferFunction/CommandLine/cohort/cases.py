@@ -16,7 +16,7 @@ from ViTTransferFunction.Logic.core.system.file_names import LONGEST_NAME_BYTES,
 from ViTTransferFunction.Logic.core.system.regular_file import check_regular_file
 from ViTTransferFunction.Logic.files.annotation_files import ANNOTATIONS_ENDING
 from ViTTransferFunction.Logic.files.dicom_folder import FOLDERS_OF_SYSTEMS, holds_dicom
-from ViTTransferFunction.Logic.files.image_headers import VOLUME_ENDINGS, image_ending, volume_ending
+from ViTTransferFunction.Logic.files.image_formats import VOLUME_ENDINGS, image_ending, volume_ending
 
 logger = logging.getLogger(__name__)
 

@@ -20,7 +20,7 @@ from ViTTransferFunction.Logic.core.system.atomic_file import replacing
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.system.regular_file import check_regular_file
 from ViTTransferFunction.Logic.features.settings import FORMAT_VERSION
-from ViTTransferFunction.Logic.files.image_headers import SEGMENTATION_ENDING
+from ViTTransferFunction.Logic.files.image_formats import SEGMENTATION_ENDING
 from ViTTransferFunction.Logic.files.volume_files import files_of
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.presets import preset

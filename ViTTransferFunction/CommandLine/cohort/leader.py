@@ -23,7 +23,7 @@ from ViTTransferFunction.CommandLine.output_paths import check_apart
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.Logic.core.system.atomic_file import check_writable, remove_leftovers
 from ViTTransferFunction.Logic.core.system.errors import InputError
-from ViTTransferFunction.Logic.files.image_headers import SEGMENTATION_ENDING
+from ViTTransferFunction.Logic.files.image_formats import SEGMENTATION_ENDING
 from ViTTransferFunction.Logic.files.volume_files import files_of
 from ViTTransferFunction.Logic.session.opening import chosen_model
 from ViTTransferFunction.Logic.weights.sources import find_weights

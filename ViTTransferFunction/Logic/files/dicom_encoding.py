@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..core.system.available_memory import require_memory
 from ..core.system.errors import InputError
-from .image_headers import DICOM_START_BYTES
+from .file_start import DICOM_START_BYTES
 from .stored_voxels import CHUNK_BYTES
 
 DEFLATED, BIG_ENDIAN = b"1.2.840.10008.1.2.1.99", b"1.2.840.10008.1.2.2"

@@ -14,7 +14,7 @@ from ..core.system.errors import InputError
 from ..core.system.regular_file import check_length, check_regular_file
 from .dicom_kind import instead_of_scan
 from .dicom_slice import DicomSlice, heights, read_slice, turned
-from .image_headers import DICOM_START_BYTES, is_dicom_start, read_start
+from .file_start import DICOM_START_BYTES, is_dicom_start, read_start
 from .itk_errors import last_line
 from .volumes_of_series import IMAGE_TYPE, TRAITS, volumes_of_series
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import SimpleITK as sitk  # noqa: N813
 
-from .image_headers import read_start
+from .file_start import read_start
 
 _START_BYTES = 4096
 """Behind the SOP class in these are a few identifiers at most."""

@@ -13,7 +13,7 @@ from .dicom_folder import DicomSeries, read_content
 from .dicom_frames import ORIENTATION, PIXEL_SIZE, POSITION, frame_positions, with_frame_scales
 from .dicom_kind import instead_of_scan
 from .dicom_slice import DicomSlice, heights, turned, warn_of_inversion
-from .image_headers import DICOM_READER
+from .image_formats import DICOM_READER
 from .itk_errors import last_line
 from .series_choice import choose_series
 from .straightening import LARGEST_DEVIATION, warn_of_gaps

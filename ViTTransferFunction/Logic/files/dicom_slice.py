@@ -15,7 +15,7 @@ from .dicom_encoding import require_memory_to_unpack
 from .dicom_frames import LARGEST_TURN, ORIENTATION, PIXEL_SIZE, POSITION, says_of_frames
 from .dicom_kind import instead_of_scan
 from .dicom_text import text_of
-from .image_headers import DICOM_READER
+from .image_formats import DICOM_READER
 
 ROUNDED_DIRECTION = 0.05
 """By so much may numbers of a direction differ from those of length 1 that were taken for it."""

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..core.system.errors import InputError, shown
 from ..core.system.regular_file import check_regular_file
-from .image_headers import image_ending
+from .image_formats import image_ending
 
 
 def read_json(path: Path) -> Any:

@@ -15,7 +15,7 @@ from ..core.system.atomic_file import replacing
 from ..core.system.errors import InputError, shown
 from ..core.volumes.geometry import LPS_TO_RAS, Geometry
 from ..core.volumes.label_dtype import label_dtype
-from .image_headers import DICOM_READER, SEGMENTATION_ENDING, image_format, locate_voxels
+from .image_formats import DICOM_READER, SEGMENTATION_ENDING, image_format, locate_voxels
 from .itk_errors import last_line
 from .label_map_check import MOST_LABELS, looks_like_labels
 from .volume_files import read_geometry, read_image

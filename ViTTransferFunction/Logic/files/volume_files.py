@@ -22,14 +22,14 @@ from .dicom_folder import series_files
 from .dicom_frames import frame_positions, with_frame_scales
 from .dicom_series import read_series
 from .dicom_slice import check_may_be_scan
-from .image_headers import (
+from .file_start import read_start
+from .image_formats import (
     DICOM_READER,
     NIFTI_READER,
     SEGMENTATION_ENDING,
     image_ending,
     image_format,
     locate_voxels,
-    read_start,
     says_sides,
     says_spacing,
 )
