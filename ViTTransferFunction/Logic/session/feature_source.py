@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.system.errors import InputError
 from ..core.system.out_of_memory import is_out_of_memory
 from ..core.system.progress import Progress
 from ..core.volumes.geometry import Geometry
@@ -18,7 +19,7 @@ from ..features.cache import FeatureCache
 from ..features.cost import feature_cost, feature_memory_bytes
 from ..features.device import choose_device
 from ..features.device_check import UnsoundDevice
-from ..features.extraction import extract_features, features_size_bytes
+from ..features.extraction import extract_features, features_size_bytes, kept_size_bytes
 from ..features.networks import Networks
 from ..features.progressive import progressive_cost, progressive_features
 from ..features.settings import FeatureSettings, feature_key, grid_shape
@@ -174,7 +175,7 @@ class FeatureSource:
             yield cached
             return
         network = self._networks.network(weights, self._device)
-        self._cache.check_room(self._size_bytes)
+        self._check_room()
         if coarse_first:
             for features in progressive_features(self._volume, network, self._settings, progress):
                 normalised = normalised_features(features, self._statistics)
@@ -184,6 +185,14 @@ class FeatureSource:
             normalised = normalised_features(features, self._statistics)
             yield normalised
         self.provenance = replace(self.provenance, not_kept=self._cache.put(normalised.source))
+
+    def _check_room(self) -> None:
+        """Raise InputError where the disk has no room for the features in the cache."""
+        try:
+            self._cache.check_room(self._size_bytes)
+        except InputError:
+            # As a rule there are far fewer patches than cells. How many takes a moment to tell, which a first answer waits for.
+            self._cache.check_room(kept_size_bytes(self._volume, self._settings, self._model))
 
     def _cached(self, key: str) -> NormalisedFeatures | None:
         """The features out of the cache; None where it has none of them, or others in their place."""

@@ -147,6 +147,24 @@ def test_a_cache_without_room_is_told_of_before_features_are_computed_for_it(
         open_session(spheres[0], tiny_weights).load_features()
 
 
+def test_a_disk_that_has_room_for_the_features_themselves_is_not_called_full(
+    spheres: Spheres, tiny_weights: SessionSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    balanced, asked = PRESETS[DEFAULT_PRESET], list[int]()
+    few_patches = replace(balanced, features=replace(balanced.features, most_patches=1))
+    monkeypatch.setitem(PRESETS, DEFAULT_PRESET, few_patches)
+
+    def full_but_for_patches(self: FeatureCache, size_bytes: int) -> None:
+        asked.append(size_bytes)
+        if len(asked) == 1:
+            raise InputError("The disk is full.")
+
+    monkeypatch.setattr(FeatureCache, "check_room", full_but_for_patches)
+    open_session(spheres[0], tiny_weights).load_features()
+    (entry,) = FeatureCache().entries()
+    assert 0 < asked[-1] <= entry.size_bytes < asked[0]
+
+
 def test_features_are_reported_with_their_origin_and_precision(spheres: Spheres, tiny_weights: SessionSettings) -> None:
     computed, cached = (open_session(spheres[0], tiny_weights).load_features() for _ in range(2))
     assert (computed.cached, cached.cached) == (False, True)
