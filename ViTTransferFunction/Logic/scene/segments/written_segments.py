@@ -12,12 +12,15 @@ from typing import Any
 from urllib.parse import quote, unquote
 
 import numpy as np
+from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from ...core.classes.class_request import ClassRequest
+from ...core.volumes.geometry import transform_points
 from ..classes.class_state import ClassState
 from ..classes.of_volume import bring_back, put_away, set_volume_of, volume_of
 from ..interface.parameters import REFERENCES, SceneParameters
 from ..mrml.nodes import nodes_of_class
+from ..mrml.transforms import numpy_matrix
 from ..volumes.volume_content import changes_with, frame_of
 from .segment_tags import segments_of_classes
 
@@ -31,6 +34,8 @@ DECISIVE = ("preset", "model", "grid", "refinement", "onlyAnnotatedParts", "resp
 """Parameters that segments follow from. Device and file of weights are those of a computer; `window` says its own."""
 DECIMALS = 3
 """Of millimetres and colours: a file and a transform there and back change the digits behind, and no voxel."""
+SAME_PLACE = 1e-5
+"""Of the volume's size: a corner that lies so little elsewhere was rounded in a file, NIfTI's 32 bits say, and not moved."""
 
 
 class WrittenSegments:
@@ -82,8 +87,12 @@ class WrittenSegments:
 
     @property
     def source_now(self) -> str:
-        """What segments would be made from now: `source_digest`, and the digest of the volume's voxels where that is known."""
-        return f"{source_digest(self._classes(), self._requests(), self._parameters)} {self._voxels()}".rstrip()
+        """What segments would be made from now.
+
+        This is `source_digest`, where the volume lies, and the digest of its voxels where that is known.
+        """
+        digest = source_digest(self._classes(), self._requests(), self._parameters)
+        return f"{digest}@{_place(self._parameters.volume)} {self._voxels()}".rstrip()
 
     def of(self, id_: str) -> str | None:
         """ID of the segment that a class was written to; None where there is none."""
@@ -183,7 +192,7 @@ def _is_of(segmentation_node: Any, volume_node: Any) -> bool:
 def source_digest(states: Sequence[ClassState], requests: Sequence[ClassRequest], parameters: SceneParameters) -> str:
     """Of all that segments follow from, with their names and colours: the same as long as writing again would change nothing.
 
-    The voxels of the volume are not in it, only which volume it is.
+    The voxels of the volume and its place are not in it, only which volume it is.
 
     Args:
         states: the classes.
@@ -200,9 +209,28 @@ def source_digest(states: Sequence[ClassState], requests: Sequence[ClassRequest]
 
 
 def _are_alike(source: str, other: str) -> bool:
-    """Whether the same segments follow from both; voxels of which nothing is known (yet) are taken to be the same."""
-    (classes, _, voxels), (other_classes, _, other_voxels) = source.partition(" "), other.partition(" ")
-    return classes == other_classes and (not voxels or not other_voxels or voxels == other_voxels)
+    """Whether the same segments follow from both; what is not known (yet) of voxels and place is taken to be the same."""
+    (made_from, _, voxels), (other_made_from, _, other_voxels) = source.partition(" "), other.partition(" ")
+    (classes, _, place), (other_classes, _, other_place) = made_from.partition("@"), other_made_from.partition("@")
+    alike = classes == other_classes and (not voxels or not other_voxels or voxels == other_voxels)
+    return alike and (not place or not other_place or _is_same_place(place, other_place))
+
+
+def _place(volume_node: Any) -> str:
+    """Where a volume's voxels lie in its local frame: four corners, RAS millimetres, as a text without spaces."""
+    image = volume_node.GetImageData() if volume_node is not None else None
+    if image is None:
+        return ""
+    matrix = vtkMatrix4x4()
+    volume_node.GetIJKToRASMatrix(matrix)
+    corners_ijk = np.vstack([np.zeros(3), np.diag(image.GetDimensions())])
+    return ",".join(f"{number:.9g}" for number in transform_points(numpy_matrix(matrix), corners_ijk).ravel())
+
+
+def _is_same_place(place: str, other: str) -> bool:
+    corners, other_corners = (np.array(text.split(","), dtype=np.float64).reshape(4, 3) for text in (place, other))
+    size_mm = float(np.linalg.norm(np.ptp(corners, axis=0)))
+    return bool(np.abs(corners - other_corners).max() <= SAME_PLACE * size_mm)
 
 
 def _values(request: ClassRequest) -> tuple[Any, ...]:

@@ -117,6 +117,29 @@ def test_moving_volume_points_and_segments_together_changes_nothing(session: Sce
     assert not session.segments.outdated
 
 
+def shift(volume: Any, millimetres: float) -> None:
+    """Have the volume's own axes begin elsewhere, as Slicer's *Center Volume* and hardened transforms do."""
+    right, anterior, superior = volume.GetOrigin()
+    volume.SetOrigin(right + millimetres, anterior, superior)
+
+
+def test_segments_of_a_volume_that_was_moved_away_are_told_until_it_is_back(session: SceneSession) -> None:
+    write_all(session)
+    shift(session.parameters.volume, 1.0)
+    session.wait()
+    assert session.segments.outdated
+    shift(session.parameters.volume, -1.0)
+    session.wait()
+    assert not session.segments.outdated
+
+
+def test_a_place_that_was_rounded_in_a_file_is_the_same(session: SceneSession) -> None:
+    write_all(session)
+    shift(session.parameters.volume, 1e-5)
+    session.wait()
+    assert not session.segments.outdated
+
+
 def test_segments_of_a_volume_that_got_other_voxels_are_told_until_it_has_its_own_again(session: SceneSession) -> None:
     write_all(session)
     voxels = slicer.util.arrayFromVolume(session.parameters.volume)
