@@ -19,6 +19,8 @@ from .messages import ArraysNotWritten, Message, message_of, read_line, write_me
 from .process import ComputeProcess
 from .requests import Cancel, Started
 
+NO_ROOM = "no room in the folder for temporary files"
+"""How `last_words` begin where the arrays of a request could not be handed over."""
 _PATIENCE_S = 2.0
 _TURN_S = 0.001
 """How long `replies` leaves Python's lock to the threads, where nothing has come yet.
@@ -126,7 +128,7 @@ class ComputeClient:
                 if self._outgoing.empty():
                     self._all_written.set()
         except ArraysNotWritten as error:
-            self._trouble = f"no room in the folder for temporary files: {error}"
+            self._trouble = f"{NO_ROOM}: {error}"
         except (OSError, ValueError):
             return  # The process is gone, which `alive` tells.
 

@@ -18,7 +18,7 @@ from ..rendering.structure_volume import StructureVolume
 from ..session.feature_estimate import FeatureEstimate
 from ..session.settings import SessionSettings
 from .answered_maps import AnsweredMaps
-from .client import ComputeClient
+from .client import NO_ROOM, ComputeClient
 from .due_requests import Casting, DueRequests
 from .pending_requests import PendingRequests
 from .requests import (
@@ -409,9 +409,14 @@ class SegmentationProxy:
         self._reset()
         if self._volume is None:
             return  # It had been started ahead, and nothing is lost.
+        again = (
+            "Free some space on the disk with the temporary files, then compute the features again."
+            if last.startswith(NO_ROOM)
+            else "Compute the features again; if it happens again, choose a faster preset, a smaller grid or another device "
+            "under Advanced."
+        )
         self._error = (
             "The computation in the background ended unexpectedly"
             f"{f' ({last})' if last else ', perhaps because the computer ran out of memory'}. Your structures and points "
-            "are kept. Compute the features again; if it happens again, choose a faster preset, a smaller grid or another "
-            "device under Advanced."
+            f"are kept. {again}"
         )

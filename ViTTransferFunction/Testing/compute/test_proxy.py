@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.compute import due_requests
+from ViTTransferFunction.Logic.compute.client import NO_ROOM
 from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
 from ViTTransferFunction.Logic.compute.requests import (
     CoarseFeatures,
@@ -201,6 +202,17 @@ def test_a_process_that_died_without_a_word_may_have_run_out_of_memory(
     client.alive = False
     proxy.poll()
     assert "ran out of memory" in (proxy.take_error() or "")
+
+
+def test_where_the_temporary_folder_is_full_space_is_asked_for_and_no_smaller_computation(
+    proxy: SegmentationProxy, client: StubClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "last_words", lambda: f"{NO_ROOM}: [Errno 28] No space left on device")
+    client.alive = False
+    proxy.poll()
+    error = proxy.take_error() or ""
+    assert "Free some space" in error
+    assert "preset" not in error
 
 
 def test_a_rendering_that_is_under_way_when_3d_views_are_switched_off_is_not_shown(
