@@ -137,12 +137,20 @@ class WatchedClasses:
             self._histories.begin_anew(self.classes)
 
     def refresh_and_record(self) -> None:
-        """As `refresh`, where something happened to the lists themselves; it can be undone."""
-        if not self._paused:
-            with self._unheard():
-                self._lists.remove_widowed()
-            self._changed(None)
-            self._histories.keep(lambda id_: self._scene.GetNodeByID(id_) is not None)
+        """As `refresh`, where something happened to the lists themselves; it can be undone.
+
+        Not that classes are without a volume now which is gone: undo would take them away, and not bring that back.
+        """
+        if self._paused:
+            return
+        with self._unheard():
+            self._lists.remove_widowed()
+        before = self.classes
+        self.refresh()
+        if not self._histories.volume_id and {state.id for state in self.classes} - {state.id for state in before}:
+            self._histories.begin_anew(self.classes)
+        self._record(before, None)
+        self._histories.keep(lambda id_: self._scene.GetNodeByID(id_) is not None)
 
     @property
     def observer_count(self) -> int:
@@ -225,6 +233,9 @@ class WatchedClasses:
     def _changed(self, kind: str | None) -> None:
         before = self.classes
         self.refresh()
+        self._record(before, kind)
+
+    def _record(self, before: Classes, kind: str | None) -> None:
         if self._history.record(self.classes, kind) or self.classes != before:
             self._on_change()
 

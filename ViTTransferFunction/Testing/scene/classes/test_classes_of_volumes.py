@@ -256,6 +256,24 @@ def test_structures_of_a_scan_that_is_removed_are_there_while_none_is_chosen_and
     assert session.classes == classes
 
 
+def test_undo_takes_no_structures_away_whose_scan_was_removed(
+    session: SceneSession, follow_up: FollowUp, spheres: Spheres
+) -> None:
+    volume = session.parameters.volume
+    annotate(session, spheres)
+    classes = session.classes
+    # As Slicer's list of scans has it: none is chosen before the chosen one goes.
+    session.set_volume(None)
+    follow_up.volume.GetScene().RemoveNode(volume)
+    assert session.classes == classes
+    session.annotations.undo()
+    assert session.classes == classes
+    # Of what the user does to them, each step can be undone as ever.
+    session.annotations.remove_class(classes[0].id)
+    session.annotations.undo()
+    assert session.classes == classes
+
+
 def test_a_saved_scene_has_the_structures_of_all_its_scans(
     slicer_app: Any, session: SceneSession, follow_up: FollowUp, spheres: Spheres, tmp_path: Path
 ) -> None:
