@@ -8,7 +8,7 @@ import slicer
 
 from ...core.system.errors import InputError
 from ..mrml.transforms import matrix_to_world
-from .class_nodes import class_nodes_of_all, lists_of, remove_widowed_lists
+from .class_nodes import class_nodes_of_all, keep_from_other_volumes, lists_of, remove_widowed_lists
 from .of_volume import bring_back, put_away
 
 
@@ -25,11 +25,13 @@ class ClassLists:
         self._parameter_node = parameter_node
         self._negative: set[slicer.vtkMRMLMarkupsFiducialNode] = set()
         self._transforms: dict[slicer.vtkMRMLMarkupsFiducialNode, bytes | None] = {}
+        self._gone_volumes: dict[str, str] = {}  # What those were called whose classes are still there, by the class's id.
 
     def forget(self) -> None:
         """The scene is another one."""
         self._negative.clear()
         self._transforms.clear()
+        self._gone_volumes.clear()
 
     def show_only(self, lists: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
         """Have no other lists seen: points of one scan are nowhere in particular in another one."""
@@ -37,6 +39,7 @@ class ClassLists:
         shown = set(lists)
         for positive in class_nodes_of_all(self._parameter_node):
             self._negative.update(lists_of(positive)[1:])
+            keep_from_other_volumes(positive, self._gone_volumes)
             for node in lists_of(positive):
                 (bring_back if node in shown else put_away)(node)
 

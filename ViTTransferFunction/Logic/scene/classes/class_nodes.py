@@ -145,6 +145,21 @@ def volume_name(positive: slicer.vtkMRMLMarkupsFiducialNode) -> str:
     return (volume.GetName() if volume is not None else attribute(positive, _VOLUME_NAME)) or ""
 
 
+def keep_from_other_volumes(positive: slicer.vtkMRMLMarkupsFiducialNode, names: dict[str, str]) -> None:
+    """Have a class whose volume is gone belong to no other one, also where it was removed meanwhile, and is there again.
+
+    Args:
+        positive: its list of positive points.
+        names: what such volumes were called, by the id of the class; gets the name, or has it from before.
+    """
+    if volume_of(positive) is None:
+        name = attribute(positive, _VOLUME_NAME)
+        if name is not None:
+            names[class_id(positive)] = name
+        elif class_id(positive) in names:
+            set_attribute(positive, _VOLUME_NAME, names[class_id(positive)])
+
+
 def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode, state: ClassState) -> None:
     """Bring a class in the scene to `state`; what is equal is not touched, so that points that were hidden alone stay so."""
     negative = negative_node(positive) or _create_negative(scene, positive)

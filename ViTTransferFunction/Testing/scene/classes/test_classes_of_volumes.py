@@ -268,10 +268,12 @@ def test_undo_takes_no_structures_away_whose_scan_was_removed(
     assert session.classes == classes
     session.annotations.undo()
     assert session.classes == classes
-    # Of what the user does to them, each step can be undone as ever.
+    # Of what the user does to them, each step can be undone as ever, and they are still of no other scan.
     session.annotations.remove_class(classes[0].id)
     session.annotations.undo()
     assert session.classes == classes
+    session.set_volume(follow_up.volume)
+    assert not {state.id for state in session.classes} & {state.id for state in classes}
 
 
 def test_a_saved_scene_has_the_structures_of_all_its_scans(
