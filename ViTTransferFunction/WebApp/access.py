@@ -141,7 +141,7 @@ class Access:
             return _refusal(403, "No entry", "Open the whole address that vittf app printed where it was started.")
         is_websocket = request.headers.get("Upgrade", "").lower() == "websocket"
         if (is_websocket or request.method not in _SAFE_METHODS) and not _is_same_origin(request):
-            return _refusal(403, "No entry", "This was asked for by a page of another server.")
+            return _refusal(403, "No entry", _of_another_origin(request))
         enters = request.method in _SAFE_METHODS and request.path in (self.path(), self.path().rstrip("/"))
         if not self._session.is_owner(request) and not (enters and self._session.is_free()):
             return _refusal(
@@ -181,6 +181,15 @@ async def _no_launcher(request: web.Request) -> web.StreamResponse:
 def _is_same_origin(request: web.Request) -> bool:
     host = request.host.lower()
     return request.headers.get("Origin", "").lower() in (f"http://{host}", f"https://{host}")
+
+
+def _of_another_origin(request: web.Request) -> str:
+    origin = request.headers.get("Origin")
+    asked_by = f"This was asked for by a page of {origin}" if origin else "This was not asked for by a page"
+    return (
+        f"{asked_by}, but the app was called {request.host}. If the page is the app's own, a proxy lies between that changes "
+        "the header Host: let it pass on what the browser sent."
+    )
 
 
 def _name_of(host: str) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import selectors
 import socket
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 
 
@@ -13,13 +14,15 @@ class Network:
 
     Args:
         port: of the server.
+        change: what becomes of all that the browser sends; by default, nothing.
 
     Attributes:
         port: where it listens.
     """
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, change: Callable[[bytes], bytes] = lambda data: data) -> None:
         self._server = port
+        self._change = change
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port = self._listener.getsockname()[1]
         self._pairs: list[tuple[socket.socket, socket.socket]] = []
@@ -79,4 +82,4 @@ class Network:
                     if not data or (self._drops_requests and key.fileobj is browser):
                         return
                     if id(pair) not in self._silent:
-                        key.data.sendall(data)
+                        key.data.sendall(self._change(data) if key.fileobj is browser else data)

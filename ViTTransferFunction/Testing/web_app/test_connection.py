@@ -16,9 +16,13 @@ from ViTTransferFunction.Testing.support.web_app import AppPage, Server, is_pain
 pytestmark = pytest.mark.slow
 
 
+def port_of(address: str) -> int:
+    return int(address.split(":")[2].split("/")[0])
+
+
 @pytest.fixture
 def network(noise_server: Server) -> Iterator[Network]:
-    network = Network(int(noise_server.address.split(":")[2].split("/")[0]))
+    network = Network(port_of(noise_server.address))
     yield network
     network.close()
 
@@ -229,6 +233,28 @@ def test_an_app_that_was_started_anew_is_not_taken_for_the_one_before(page: AppP
     page.page.evaluate("trame.client.getConnection().getSession().close()")
     wait_for_connection(page, "anew")
     page.keep_picture("anew")
+
+
+@pytest.mark.parametrize("changes", ["the name", "websockets"])
+def test_where_a_proxy_keeps_the_page_from_the_app_the_page_says_why(
+    new_page: Callable[[], Any], noise_server: Server, changes: str
+) -> None:
+    def change(data: bytes) -> bytes:
+        if changes == "websockets":
+            return data.replace(b"\r\nUpgrade: websocket", b"")
+        return data.replace(b"Host: 127.0.0.1:%d" % network.port, b"Host: 127.0.0.1:%d" % port)
+
+    port = port_of(noise_server.address)
+    network = Network(port, change)
+    called = f"page of http://127.0.0.1:{network.port}, but the app was called 127.0.0.1:{port}"
+    page = new_page()
+    page.page.goto(noise_server.address.replace(f":{port}/", f":{network.port}/"))
+    page.page.get_by_role("status").get_by_text(called if changes == "the name" else "websockets").wait_for()
+    page.keep_picture(changes)
+    network.close()
+    page.page.goto(noise_server.address)
+    begin_structure(page)
+    page.errors.clear()
 
 
 def test_a_browser_that_is_too_old_says_so_and_waits_for_nothing(new_page: Callable[[], Any], address: str) -> None:
