@@ -38,13 +38,20 @@ def read_json(path: Path) -> Any:
     except RecursionError as error:
         raise InputError(f"{path} cannot be used: its brackets are nested too deeply.") from error
     except json.JSONDecodeError as error:
-        raise InputError(f"{path} is not valid JSON: {error}. Correct it there, or save it again.") from error
+        raise InputError(f"{path} is not valid JSON: {error}. {_advice(text)}") from error
     except ValueError as error:
         if isinstance(error, InputError):
             raise
         raise InputError(
             f"{path} is not valid JSON: it holds a number of thousands of digits. Correct or remove it."
         ) from error
+
+
+def _advice(text: str) -> str:
+    """What to do about a text that is not JSON: a damaged file, or one of another kind, such as .csv or Slicer's former .fcsv."""
+    if text.lstrip().startswith(("{", "[")):
+        return "Correct it there, or save it again."
+    return "If it is a table of points, load it in Slicer, and save the list as .mrk.json."
 
 
 def _without_repetition(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -264,7 +264,8 @@ def test_an_image_in_place_of_points_is_called_one(tmp_path: Path) -> None:
     [
         (b"", "is empty; expected JSON. Save it again"),
         (b"\xef\xbb\xbf \r\n", "is empty"),
-        (b"R,A,S\r\n1,2,3\r\n", "not valid JSON: Expecting value.*. Correct it there"),
+        (b"R,A,S\r\n1,2,3\r\n", "not valid JSON: Expecting value.* save the list as .mrk.json"),
+        (b'{"classes": ', "not valid JSON: Expecting value.*. Correct it there"),
         (b"[" * 100_000, "nested too deeply"),
         (b'{"a":' * 100_000, "nested too deeply"),
         (b'{"classes": ' + b"9" * 5000 + b"}", "not valid JSON: it holds a number of thousands of digits. Correct"),
