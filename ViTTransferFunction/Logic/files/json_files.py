@@ -48,7 +48,7 @@ def read_json(path: Path) -> Any:
 
 
 def _advice(text: str) -> str:
-    """What to do about a text that is not JSON: a damaged file, or one of another kind, such as .csv or Slicer's former .fcsv."""
+    """What to do about a text that is not JSON: a damaged file, or one of another kind."""
     if text.lstrip().startswith(("{", "[")):
         return "Correct it there, or save it again."
     return "If it is a table of points, load it in Slicer, and save the list as .mrk.json."
