@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from ..Logic.core.classes.annotated_class import AnnotatedClass
+from ..Logic.core.system.atomic_file import set_rights
 from ..Logic.core.system.cache_folder import CACHE_VARIABLE, cache_folder, make_private
 from ..Logic.core.system.errors import InputError
 from ..Logic.core.system.file_lock import is_at, take_lock
@@ -91,7 +92,7 @@ class UnsavedFile:
             if self._lock is None:
                 self._lock = _locked(_lock_of(path))
             write_annotations(classes, path, {"scan": scan_path, "model": model})
-            path.chmod(0o600)
+            set_rights(path, 0o600)
         except OSError as error:
             raise InputError(
                 f"Cannot write {path}: {error.strerror or error}. The environment variable {CACHE_VARIABLE} can name another "

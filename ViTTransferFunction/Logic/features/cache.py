@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core.system.atomic_file import TEMPORARY, replacing
+from ..core.system.atomic_file import TEMPORARY, replacing, set_rights
 from ..core.system.cache_folder import CACHE_VARIABLE, cache_folder, make_private
 from ..core.system.errors import InputError
 from .feature_file import all_finite, read_features, write_features
@@ -89,7 +89,7 @@ class FeatureCache:
             make_private(self.folder)
             with replacing(path) as temporary, temporary.open("wb") as file:
                 write_features(file, features)
-            path.chmod(0o600)
+            set_rights(path, 0o600)
         except (OSError, InputError) as error:
             reason = error.strerror if isinstance(error, OSError) else error
             return _warn_once(

@@ -315,6 +315,18 @@ def test_only_the_user_can_read_what_is_kept(cache: FeatureCache) -> None:
     assert [path.stat().st_mode & 0o777 for path in cache.folder.iterdir()] == [0o600]
 
 
+@pytest.mark.parametrize("code", [errno.EPERM, errno.ENOTSUP])
+def test_on_a_share_on_which_nobody_may_change_rights_features_are_kept(
+    cache: FeatureCache, code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(Path, "chmod", refused)
+    assert cache.put(features_named("a")) == ""
+    assert cache.get(key("a")) is not None
+
+
 def test_clearing_removes_nothing_but_what_was_written_here(cache: FeatureCache) -> None:
     cache.put(features_named("a"))
     (cache.folder / ".writing-12345678.npz").write_bytes(b"half")

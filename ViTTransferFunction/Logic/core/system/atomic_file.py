@@ -22,6 +22,7 @@ _FULL = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
 """No room: on the disk, in what this file may take, or in what this user may (which Windows does not know)."""
 
 _NOT_OFFERED = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP}
+"""What some network shares say of what they do not know."""
 
 _LONGEST_ENDING = 16
 
@@ -58,7 +59,7 @@ def replacing(path: Path) -> Iterator[Path]:
         rights = _make(temporary)
         yield temporary
         _flush(temporary)
-        temporary.chmod(rights)
+        set_rights(temporary, rights)
         _put_in_place(temporary, path)
         _tidy(path.parent)
     except OSError as error:
@@ -67,6 +68,18 @@ def replacing(path: Path) -> Iterator[Path]:
         # Whatever ended the work is what the user should hear of.
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def set_rights(path: Path, rights: int) -> None:
+    """Set who may do what with a file or folder, where its disk lets the user: else it has the rights that the disk gives all.
+
+    Of a Windows share that is mounted for everybody, all files belong to who mounted it, and nobody else may change that.
+    """
+    try:
+        path.chmod(rights)
+    except OSError as error:
+        if not isinstance(error, PermissionError) and error.errno not in _NOT_OFFERED:
+            raise
 
 
 def check_writable(path: Path) -> None:
@@ -190,7 +203,7 @@ def _make(temporary: Path) -> int:
     try:
         # The file tells them. Python can look at the umask only by changing it, which other threads' files would have.
         rights = stat.S_IMODE(os.fstat(descriptor).st_mode)
-        temporary.chmod(0o600)
+        set_rights(temporary, 0o600)
     finally:
         os.close(descriptor)
     return rights

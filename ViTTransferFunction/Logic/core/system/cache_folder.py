@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
-from contextlib import suppress
 from pathlib import Path
 
+from .atomic_file import set_rights
 from .errors import InputError
 from .user_path import user_path
 
@@ -35,8 +35,7 @@ def make_private(folder: Path) -> None:
     """Make a folder that nobody but the user can look into. Raises OSError."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     # It may have been there already; where it is somebody else's, that is theirs to decide.
-    with suppress(PermissionError):
-        folder.chmod(0o700)
+    set_rights(folder, 0o700)
 
 
 def _user_cache_folder() -> Path:

@@ -95,6 +95,20 @@ def test_a_network_share_that_cannot_be_flushed_is_no_full_disk(tmp_path: Path, 
     assert (tmp_path / "result.txt").read_text() == "new"
 
 
+@pytest.mark.parametrize("code", [errno.EPERM, errno.ENOTSUP])
+def test_a_share_on_which_nobody_may_change_rights_is_written_to(
+    tmp_path: Path, code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(Path, "chmod", refused)
+    with replacing(tmp_path / "result.txt") as temporary:
+        temporary.write_text("new")
+    assert (tmp_path / "result.txt").read_text() == "new"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
 @pytest.mark.parametrize(("refusals", "written"), [(3, True), (1000, False)])
 def test_windows_refuses_to_rename_what_a_scanner_has_open_for_a_moment(
     tmp_path: Path, refusals: int, written: bool, monkeypatch: pytest.MonkeyPatch
