@@ -1,7 +1,7 @@
 """The weights that lie in the user's cache, and which of them are trusted.
 
 A file is trusted by its SHA-256. Where its publisher names one, no other is accepted. Where nobody does, the hash of the first
-file is logged, remembered in `<file name>.sha256` beside it, and no other is accepted from then on.
+file is logged, remembered in `<file name>.sha256` beside it if that can be written, and no other is accepted from then on.
 """
 
 from __future__ import annotations
@@ -83,7 +83,11 @@ def check_cached(model: PretrainedModel, path: Path) -> str:
             f"Remove it (Remove model under Advanced, or 'vittf weights remove {model.name}') and get it again."
         )
     if sha256 not in trusted_hashes(model, path):
-        remember(model, path, sha256)
+        try:
+            remember(model, path, sha256)
+        except InputError as error:
+            # Whoever put it there, for many users say, is the one who may write there.
+            _logger.warning("%s is used, but its SHA-256, %s, cannot be remembered: %s", path, sha256, error)
     return sha256
 
 

@@ -19,6 +19,7 @@ from typing import Any
 import pytest
 import torch
 
+from ViTTransferFunction.Logic.core.system import atomic_file
 from ViTTransferFunction.Logic.core.system.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.weights import download as download_module
 from ViTTransferFunction.Logic.weights.download import DownloadFailed, download
@@ -364,6 +365,20 @@ class TestTrust:
 
         assert find_weights(NAME, allow_download=False).path == folder / file_name
         assert _files(folder) == [file_name, f"{file_name}.sha256"]
+
+    @pytest.mark.usefixtures("unhashed")
+    def test_one_in_a_cache_that_cannot_be_written_is_used_all_the_same(
+        self, folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        def read_only(*_: object) -> int:
+            raise OSError(errno.EROFS, "Read-only file system")
+
+        folder.mkdir(parents=True)
+        (folder / f"{NAME}.pth").write_bytes(WEIGHTS)
+        monkeypatch.setattr(atomic_file, "_make", read_only)
+
+        assert find_weights(NAME, allow_download=False).sha256 == SHA256
+        assert "cannot be remembered" in caplog.text
 
     def test_a_remembered_hash_does_not_outweigh_a_published_one(self, hashed: PretrainedModel, folder: Path) -> None:
         other = b"not as published"
