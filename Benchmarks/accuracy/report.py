@@ -17,6 +17,7 @@ from Benchmarks.accuracy.goals import goals_reached
 from Benchmarks.accuracy.methods import DEFAULT
 from Benchmarks.accuracy.plot import plot_iou
 from Benchmarks.accuracy.summary import single_runs, summary
+from Benchmarks.shared.arguments import DEFAULT_MODEL
 from Benchmarks.shared.machine import in_words
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import number, paragraphs, table
@@ -46,7 +47,7 @@ Run = dict[str, Any]
 def write_report(report: dict[str, Any], failures: Sequence[Failure], folder: Path, earlier: Cases) -> None:
     """Write accuracy.json, accuracy.md, accuracy_iou.png and accuracy_failures.png, with an earlier run's cases beside.
 
-    Of another preset than the default there are no pictures, and its name is in the files', such as accuracy_fine.json.
+    Of another model or preset than the default there are no pictures, and its name is in the files', as in accuracy_fine.json.
     """
     runs, name = report["runs"], _name(report)
     # Short: with all metrics and clicks, it would be too large to be kept with every version of the code.
@@ -63,7 +64,8 @@ def text(report: dict[str, Any], earlier: Cases) -> str:
     compared = [case for case in names_of(runs, "case") if len(methods_on(runs, case)) > 1]
     return paragraphs(
         "# Accuracy by clicks",
-        f"Features of {report['model']}, preset *{report['preset']}*, {report['paths']} paths of clicks. "
+        f"Features of {report['model']} (weights of SHA-256 {report['weights_sha256'][:8]}…), preset *{report['preset']}*, "
+        f"{report['paths']} paths of clicks. "
         f"{in_words(report['machine'])}. "
         f"Command: `{_command(report)}`. Dice by structure, path and click is in `{name}.json`.",
         CAPTION,
@@ -84,17 +86,23 @@ def text(report: dict[str, Any], earlier: Cases) -> str:
 
 def _name(report: dict[str, Any]) -> str:
     """Of the files with the results."""
-    return "accuracy" if report["preset"] == DEFAULT_PRESET else f"accuracy_{report['preset']}"
+    return "_".join(["accuracy", *_not_default(report).values()])
 
 
 def _has_pictures(report: dict[str, Any]) -> bool:
     """Every version of a picture stays in the repository for ever: the default's failures are looked at."""
-    return bool(report["preset"] == DEFAULT_PRESET)
+    return not _not_default(report)
 
 
 def _command(report: dict[str, Any]) -> str:
-    command = "python dev.py bench accuracy --volumes DIR"
-    return command if report["preset"] == DEFAULT_PRESET else f"{command} --preset {report['preset']}"
+    options = [f"--{option} {name}" for option, name in _not_default(report).items()]
+    return " ".join(["python dev.py bench accuracy --volumes DIR", *options])
+
+
+def _not_default(report: dict[str, Any]) -> dict[str, str]:
+    """What was measured other than by default, by the option that asks for it."""
+    default = {"model": DEFAULT_MODEL, "preset": DEFAULT_PRESET}
+    return {option: report[option] for option, usual in default.items() if report[option] != usual}
 
 
 def case_table(title: str, cases: Sequence[str], runs: Sequence[Run]) -> Iterator[str]:

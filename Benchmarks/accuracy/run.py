@@ -11,7 +11,7 @@ reach when the clicker reacts to their own errors is measured as well.
 
 With `--keep`, all that was measured is kept in a folder and not measured again, so that a run can be had in parts. Constants
 that were chosen on some `--cases` are to be judged on the others. Writes `accuracy.json`, `accuracy.md`, `accuracy_iou.png`
-and `accuracy_failures.png`; of another preset, `accuracy_fine.json` and `.md`.
+and `accuracy_failures.png`; of another model or preset only the first two, with its name, as in `accuracy_fine.json`.
 """
 
 from __future__ import annotations
@@ -49,7 +49,14 @@ def main() -> None:
         of_case = list(bench.measure(group_of(case.name), options.paths, methods, samples))
         runs += of_case
         failures += bench.failures(of_case)
-    report = {"model": weights.model.name, "machine": machine(), "preset": options.preset, "paths": options.paths, "runs": runs}
+    report = {
+        "model": weights.model.name,
+        "weights_sha256": weights.sha256,
+        "machine": machine(),
+        "preset": options.preset,
+        "paths": options.paths,
+        "runs": runs,
+    }
     write_report(report, failures, options.results, read_earlier(options.earlier) if options.earlier else {})
 
 

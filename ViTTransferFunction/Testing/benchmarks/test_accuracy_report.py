@@ -16,6 +16,7 @@ from Benchmarks.accuracy.earlier import before_and_now
 from Benchmarks.accuracy.figures import figures_of, spread
 from Benchmarks.accuracy.goals import goals_reached
 from Benchmarks.accuracy.summary import summary
+from Benchmarks.shared.arguments import DEFAULT_MODEL
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.machine import machine
 from Benchmarks.shared.simulated_clicker import Click
@@ -151,23 +152,34 @@ def test_the_report_shows_spread_methods_and_goals(tmp_path: Path, labelled: Lab
         assert (tmp_path / picture).stat().st_size > 0
 
 
-def test_a_report_of_another_preset_has_files_of_its_own(tmp_path: Path, labelled: LabelledVolume) -> None:
+@pytest.mark.parametrize(
+    ("preset", "model", "name", "options"),
+    [
+        ("fine", DEFAULT_MODEL, "accuracy_fine", "--preset fine"),
+        ("balanced", "dino_vits8", "accuracy_dino_vits8", "--model dino_vits8"),
+        ("fine", "dino_vits8", "accuracy_dino_vits8_fine", "--model dino_vits8 --preset fine"),
+    ],
+)
+def test_a_report_of_another_preset_or_model_has_files_of_its_own(
+    tmp_path: Path, labelled: LabelledVolume, preset: str, model: str, name: str, options: str
+) -> None:
     pytest.importorskip("matplotlib").use("Agg")
-    _write_report("fine", labelled, tmp_path)
-    text = (tmp_path / "accuracy_fine.md").read_text(encoding="utf-8")
-    assert "`python dev.py bench accuracy --volumes DIR --preset fine`" in text
+    _write_report(preset, labelled, tmp_path, model)
+    text = (tmp_path / f"{name}.md").read_text(encoding="utf-8")
+    assert f"`python dev.py bench accuracy --volumes DIR {options}`" in text
     for linked in re.findall(r"\]\((.*?)\)", text):
         assert (tmp_path / linked).stat().st_size > 0
     assert not list(tmp_path.glob("accuracy.*"))
 
 
-def _write_report(preset: str, labelled: LabelledVolume, folder: Path) -> None:
+def _write_report(preset: str, labelled: LabelledVolume, folder: Path, model: str = DEFAULT_MODEL) -> None:
     from Benchmarks.accuracy.failures import worst_structures
     from Benchmarks.accuracy.report import write_report
 
     clicks = [[Click((16, 20, 12), True)]] * 3
     failures = worst_structures("spheres", labelled, clicks, np.roll(labelled.truth, 3, axis=2))
-    report = {"model": "m", "machine": machine("cpu"), "preset": preset, "paths": 2, "runs": RUNS}
+    measured = {"model": model, "weights_sha256": "0" * 64, "preset": preset, "paths": 2}
+    report = {**measured, "machine": machine("cpu"), "runs": RUNS}
     write_report(report, failures, folder, {})
 
 
