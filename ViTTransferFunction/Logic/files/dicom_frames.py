@@ -2,7 +2,8 @@
 
 Enhanced images say it of each frame, in functional groups (DICOM PS3.3, C.7.6.16.2), which ITK does not show. Two phases, one
 after the other, frames in any order, and planes in several directions are all read as one volume; where the distances differ,
-all spacings become 1 mm, within the plane too. Where each frame is scaled in a way of its own, all get the scale of the first.
+be it by rounding, all spacings become 1 mm, within the plane too, and frames that descend ascend. Where each frame is scaled in
+a way of its own, all get the scale of the first.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ POSITION, ORIENTATION, PIXEL_SIZE = "0020|0032", "0020|0037", "0028|0030"
 
 
 def frame_positions(path: Path, image: sitk.Image, on_warning: Callable[[str], None]) -> np.ndarray | None:
-    """Where the frames of a file lie; the image is given the size of their pixels where ITK has lost it.
+    """Where the frames of a file lie; the image is given the size of their pixels, and their order, where ITK has lost it.
 
     Args:
         path: a DICOM file.
@@ -130,7 +131,10 @@ def _in_order(heights: np.ndarray) -> bool:
 
 
 def _has_pixel_size(path: Path, image: sitk.Image, heights: np.ndarray) -> bool:
-    """Whether the image has the size of its pixels; it is given that where ITK has lost it together with the distances."""
+    """Whether the image has the size of its pixels; it is given that where ITK has lost it together with the distances.
+
+    What it has lost as well is which way the frames follow each other.
+    """
     across_mm, down_mm, distance_mm, *further = image.GetSpacing()
     distances = np.abs(np.diff(heights))
     if np.abs(distances - distance_mm).max() <= SAME_DISTANCE * distance_mm:
@@ -140,6 +144,10 @@ def _has_pixel_size(path: Path, image: sitk.Image, heights: np.ndarray) -> bool:
         return False
     down_mm, across_mm = sizes[0].tolist()
     image.SetSpacing((across_mm, down_mm, float(distances.mean()), *further))
+    if heights[-1] < heights[0]:
+        directions = np.array(image.GetDirection()).reshape(image.GetDimension(), -1)
+        directions[:, 2] *= -1.0
+        image.SetDirection(directions.ravel().tolist())
     return True
 
 

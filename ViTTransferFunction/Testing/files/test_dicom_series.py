@@ -195,6 +195,8 @@ def test_a_series_whose_last_slice_was_not_copied_but_by_its_name_is_read_with_a
 
 
 ASCENDING = [0.0, 2.0, 4.0, 6.0, 8.0]
+ROUNDED = [0.0, 0.62, 1.25, 1.88, 2.5]
+"""Of frames 0.625 mm apart."""
 ENHANCED_CT, ULTRASOUND = "1.2.840.10008.5.1.4.1.1.2.1", "1.2.840.10008.5.1.4.1.1.3.1"
 AXIAL, CORONAL, A_QUARTER_TURN = "1\\0\\0\\0\\1\\0", "1\\0\\0\\0\\0\\-1", "0\\1\\0\\-1\\0\\0"
 
@@ -349,6 +351,21 @@ def test_frames_of_one_file_lie_where_they_say(tmp_path: Path, heights: list[flo
     centres = volume.geometry.ijk_to_ras_points(np.array([[0, 0, k] for k in range(5)]))
     np.testing.assert_allclose(centres, [[-10, -20, height] for height in heights], atol=1e-6)
     assert volume.array[:, 3, 3].tolist() == [10 * height for height in heights]
+    assert not warnings
+
+
+@pytest.mark.parametrize("as_folder", [False, True])
+@pytest.mark.parametrize("heights", [ROUNDED, ROUNDED[::-1]])
+def test_frames_whose_places_were_rounded_lie_where_they_say(tmp_path: Path, heights: list[float], as_folder: bool) -> None:
+    """Of these, ITK loses the spacing, and that they descend: the scan would be its own mirror image."""
+    file = write_frames(tmp_path / "scan" / "1.dcm", heights)
+    warnings: list[str] = []
+
+    volume = read_volume(file.parent if as_folder else file, warnings.append)
+
+    centres = volume.geometry.ijk_to_ras_points(np.array([[0, 0, k] for k in range(5)]))
+    np.testing.assert_allclose(centres, [[-10, -20, height] for height in heights], atol=0.006)
+    assert volume.array[:, 3, 3].tolist() == [int(10 * height) for height in heights]
     assert not warnings
 
 
