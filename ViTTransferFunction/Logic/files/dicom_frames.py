@@ -137,10 +137,14 @@ def _has_pixel_size(path: Path, image: sitk.Image, heights: np.ndarray) -> bool:
     """
     across_mm, down_mm, distance_mm, *further = image.GetSpacing()
     distances = np.abs(np.diff(heights))
-    if np.abs(distances - distance_mm).max() <= SAME_DISTANCE * distance_mm:
+    fits = bool(np.abs(distances - distance_mm).max() <= SAME_DISTANCE * distance_mm)
+    # A millimetre along all axes may be the spacing of a file, and may be what ITK has put in the place of another one.
+    if fits and (across_mm, down_mm, distance_mm) != (1.0, 1.0, 1.0):
         return True
     sizes = _numbers(path, _PIXEL_SPACING, 2, len(heights) + 1)
-    if not len(sizes) or not (sizes == sizes[0]).all() or not (sizes[0] > 0.0).all():
+    if not len(sizes):
+        return fits
+    if not (sizes == sizes[0]).all() or not (sizes[0] > 0.0).all():
         return False
     down_mm, across_mm = sizes[0].tolist()
     image.SetSpacing((across_mm, down_mm, float(distances.mean()), *further))

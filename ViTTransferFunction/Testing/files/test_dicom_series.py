@@ -369,6 +369,16 @@ def test_frames_whose_places_were_rounded_lie_where_they_say(tmp_path: Path, hei
     assert not warnings
 
 
+@pytest.mark.parametrize("heights", [[0.0, 1.002, 2.0, 3.0, 4.0], [4.0, 3.0, 2.0, 1.002, 0.0], [0.0, 1.0, 2.0, 3.0, 4.0]])
+def test_frames_that_are_a_millimetre_apart_have_pixels_of_the_size_that_they_say(tmp_path: Path, heights: list[float]) -> None:
+    """A millimetre is what ITK makes of a spacing that it has lost, too."""
+    volume = read_volume(write_frames(tmp_path / "1.dcm", heights), pytest.fail)
+
+    np.testing.assert_allclose(volume.geometry.spacing_mm, [1.25, 1.5, 1.0])
+    centres = volume.geometry.ijk_to_ras_points(np.array([[0, 0, k] for k in range(5)]))
+    np.testing.assert_allclose(centres, [[-10, -20, height] for height in heights], atol=0.006)
+
+
 @pytest.mark.parametrize("as_folder", [False, True])
 @pytest.mark.parametrize(
     ("heights", "orientations"),
