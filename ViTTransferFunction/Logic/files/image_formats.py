@@ -34,12 +34,14 @@ class ImageFormat:
         says_spacing: whether a header, given by the file's first bytes, says how far apart voxels are along all three axes.
         says_sides: whether the header of a file, whose first bytes are given, says which sides of the patient its axes lead
             to. Raises InputError where it cannot be used.
+        header: the file with the header, where a file of this format is given.
     """
 
     reader: str
     locate: Callable[[Path, bytes], StoredVoxels | None]
     says_spacing: Callable[[bytes], bool] = lambda _start: True
     says_sides: Callable[[Path, bytes], bool] = lambda _path, _start: True
+    header: Callable[[Path], Path] = lambda path: path
 
 
 def image_format(path: Path) -> ImageFormat:
@@ -123,7 +125,12 @@ def says_sides(path: Path) -> bool:
 
 
 _NIFTI = ImageFormat(NIFTI_READER, nifti_header.locate, says_sides=nifti_header.says_sides)
-_PAIR = ImageFormat(NIFTI_READER, nifti_header.locate_of_pair, says_sides=nifti_header.says_sides_of_pair)
+_PAIR = ImageFormat(
+    NIFTI_READER,
+    nifti_header.locate_of_pair,
+    says_sides=nifti_header.says_sides_of_pair,
+    header=nifti_header.header_of_pair,
+)
 _NRRD = ImageFormat("NrrdImageIO", nrrd_header.locate, nrrd_header.says_spacing, nrrd_header.says_sides)
 _META_IMAGE = ImageFormat("MetaImageIO", meta_image_header.locate, meta_image_header.says_spacing, meta_image_header.says_sides)
 _FORMATS = {

@@ -47,7 +47,7 @@ def locate(path: Path, start: bytes) -> StoredVoxels:
 
 def locate_of_pair(path: Path, start: bytes) -> StoredVoxels:
     """The same of files of one name, one with the header and one with the voxels: NIfTI of two files, or Analyze."""
-    header_path = _sibling(path, ".hdr")
+    header_path = header_of_pair(path)
     check_is_there(path, "header", header_path)
     header = start if header_path == path else read_start(header_path)
     order = _byte_order(header_path, header)
@@ -71,7 +71,12 @@ def says_sides(path: Path, start: bytes) -> bool:
 
 def says_sides_of_pair(path: Path, _start: bytes) -> bool:
     """The same of files of one name, of which either is given."""
-    return says_sides(path, read_start(_sibling(path, ".hdr")))
+    return says_sides(path, read_start(header_of_pair(path)))
+
+
+def header_of_pair(path: Path) -> Path:
+    """Of files of one name, of which either is given, the one with the header."""
+    return _sibling(path, ".hdr")
 
 
 def _sibling(path: Path, ending: str) -> Path:

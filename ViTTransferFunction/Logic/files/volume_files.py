@@ -30,6 +30,7 @@ from .image_formats import (
     image_ending,
     image_format,
     locate_voxels,
+    named_voxels,
     says_sides,
     says_spacing,
 )
@@ -147,8 +148,12 @@ def files_of(path: Path) -> list[Path]:
     """
     if is_folder(path):
         return series_files(path)
-    stored = locate_voxels(path)
-    return [path] if stored is None else [path, stored.path]
+    stored, header = locate_voxels(path), image_format(path).header(path)
+    if stored is not None:
+        return [header, stored.path]
+    # Where in the file its reader alone knows.
+    named = named_voxels(path)
+    return [header] if named is None else [header, path.parent / named]
 
 
 def image_geometry(image: sitk.Image | sitk.ImageFileReader) -> Geometry:

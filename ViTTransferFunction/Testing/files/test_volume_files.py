@@ -17,7 +17,7 @@ from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes.geometry import LPS_TO_RAS, Geometry
 from ViTTransferFunction.Logic.core.volumes.resampling import resample_labels
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, read_segmentation, write_segmentation
-from ViTTransferFunction.Logic.files.volume_files import _name, read_volume
+from ViTTransferFunction.Logic.files.volume_files import _name, files_of, read_volume
 from ViTTransferFunction.Testing.attack.scans import meta, meta_fields, nrrd, nrrd_fields
 from ViTTransferFunction.Testing.files.test_dicom_series import stack
 from ViTTransferFunction.Testing.support.allocation import peak_bytes
@@ -41,6 +41,18 @@ def turned_ramp() -> sitk.Image:
     turned.SetOrigin([30.0, -20.0, 7.0])
     turned.SetDirection([-0.8, 0.6, 0.0, 0.6, 0.8, 0.0, 0.0, 0.0, 1.0])
     return turned
+
+
+@pytest.mark.parametrize("name", ["scan.hdr", "scan.img", "scan.nhdr", "skipping.nhdr", "scan.mhd"])
+def test_a_volume_s_files_are_that_with_its_header_and_that_with_its_voxels(tmp_path: Path, name: str) -> None:
+    """Cohorts tell by them whether a case has to be computed again."""
+    sitk.WriteImage(turned_ramp(), str(tmp_path / name.replace(".img", ".hdr")))
+    both = set(tmp_path.iterdir())
+    if name.startswith("skipping"):
+        header = tmp_path / name
+        header.write_bytes(header.read_bytes().replace(b"encoding:", b"byte skip: -1\nencoding:"))
+    assert set(files_of(tmp_path / name)) == both
+    assert len(both) == 2
 
 
 @pytest.mark.parametrize("name", ["scan.seg.nrrd", "renamed.nrrd"])
