@@ -64,8 +64,8 @@ class ScanChange:
             self._parameters.set_reference("volume", node)
             if node is not None and before and self._annotations.untouched:
                 self._annotations.bring_along(before)
-                row = next((row for row, state in enumerate(before) if state is selected), 0)
-                self._selected.select(self._annotations.classes[row].id)
+                ids = {state.name: state.id for state in reversed(self._annotations.classes)}
+                self._selected.select(ids[(selected or before[0]).name])
             elif node is not None and node.GetID() in self._selected_last:
                 self._selected.select(self._selected_last[node.GetID()])
         when_left()  # By now the tool in hand works on another list.

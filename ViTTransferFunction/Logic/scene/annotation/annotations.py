@@ -52,8 +52,12 @@ class SceneAnnotations(WatchedClasses):
             write_classes(self._scene, self._parameter_node, states)
 
     def bring_along(self, states: Sequence[ClassState]) -> None:
-        """Add classes for the same structures, which were made on another volume, without their points; one step for undo."""
-        self.add_classes([without_points(state) for state in states])
+        """Add classes for the same structures, which were made on another volume, without their points; one step for undo.
+
+        Of several of one name, as of several volumes that were removed, one is added.
+        """
+        by_name = {state.name: state for state in reversed(states)}
+        self.add_classes([without_points(state) for state in states if state is by_name[state.name]])
         self._brought = self.classes
 
     def leave(self) -> Callable[[], None]:

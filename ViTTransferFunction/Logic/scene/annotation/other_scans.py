@@ -75,9 +75,11 @@ class OtherScans:
             raise InputError(text.format(name=self.names.get(key, "")))
         present = self._annotations.classes
         empty = {state.name: state.id for state in present if not (state.positive or state.negative)}
-        filled = [_copy(state, empty[state.name]) for state in theirs if state.name in empty]
-        others = [_copy(state, new_class_id()) for state in theirs if state.name not in empty]
-        added = new_among(others, present)
+        # Each once: of scans of one name that were removed, there may be several structures of one name.
+        copies = [_copy(state, empty.pop(state.name, "") or new_class_id()) for state in theirs]
+        known = {state.id for state in present}
+        filled = [state for state in copies if state.id in known]
+        added = new_among([state for state in copies if state.id not in known], [*present, *filled])
         if not (filled or added):
             raise InputError(_("The structures of that scan are all there already, with the same points and settings."))
         self._annotations.add_classes([*filled, *added])

@@ -117,6 +117,24 @@ def test_scans_of_one_name_are_two(slicer_app: Any, session: SceneSession, spher
     ]
 
 
+def test_of_structures_of_one_name_none_takes_the_place_of_another(
+    slicer_app: Any, session: SceneSession, spheres: Spheres
+) -> None:
+    """A scan was removed and loaded again, twice, and what was clicked first each time has the name that it gets by itself."""
+    for label in (1, 2):
+        session.annotations.set_classes(())
+        session.annotations.add_points(session.annotations.add_class().id, centre_ras(spheres, label), positive=True)
+        slicer_app.scene.RemoveNode(session.parameters.volume)
+        session.set_volume(add_volume(slicer_app.scene, spheres[0]))
+    assert [(state.name, state.positive) for state in session.classes] == [("Structure 1", ())]
+    session.other_scans.take_over(*session.other_scans.names)
+    places = [tuple(map(tuple, centre_ras(spheres, label).tolist())) for label in (1, 2)]
+    assert [(state.name, state.positive) for state in session.classes] == [
+        ("Structure 1", places[0]),
+        ("Structure 1 (2)", places[1]),
+    ]
+
+
 def test_points_of_a_scan_that_lies_elsewhere_are_refused(session: SceneSession, follow_up: FollowUp, spheres: Spheres) -> None:
     annotate(session, spheres)
     put_under(
