@@ -143,7 +143,9 @@ class SegmentationService:
     def _prepare(self, request: Prepare) -> FeatureEstimate:
         self._session = self._segmented = None
         # Whoever lets weights be downloaded was asked before, and told where no hash is published (`WeightsDownload`).
-        session = open_session(self._the_volume, request.settings, networks=self._networks, trust=lambda *_: True)
+        session = open_session(
+            self._the_volume, request.settings, networks=self._networks, trust=lambda *_: True, ask_first=True
+        )
         estimate = session.estimate(coarse_first=self._on_coarse is not None)
         self._session = session
         return estimate

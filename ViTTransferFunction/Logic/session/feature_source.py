@@ -71,6 +71,7 @@ class FeatureSource:
         cache: where features are kept between sessions.
         networks: that are open already.
         trust: asked about downloaded weights whose hash nobody publishes (`find_weights`).
+        ask_first: whether weights are downloaded only if the last estimate told of that, so that its user could be asked.
 
     Attributes:
         provenance: where the features come from that were got last; None before.
@@ -87,6 +88,7 @@ class FeatureSource:
         cache: FeatureCache,
         networks: Networks,
         trust: Trust | None,
+        ask_first: bool,
     ) -> None:
         self._volume = volume
         self._settings = settings
@@ -97,6 +99,8 @@ class FeatureSource:
         self._cache = cache
         self._networks = networks
         self._trust = trust
+        self._ask_first = ask_first
+        self._may_download = not ask_first
         self._note = ""
         self.provenance: FeatureProvenance | None = None
 
@@ -115,10 +119,13 @@ class FeatureSource:
             InputError: the weights are not those of the model, or this computer has no such device.
         """
         try:
-            return self._estimate(coarse_first)
+            estimate = self._estimate(coarse_first)
         except (RuntimeError, MemoryError) as error:
             self._leave_device(error)
-        return self._estimate(coarse_first)
+            estimate = self._estimate(coarse_first)
+        if self._ask_first:
+            self._may_download = estimate.download is not None
+        return estimate
 
     def _estimate(self, coarse_first: bool) -> FeatureEstimate:
         weights = self._known_weights
@@ -165,9 +172,11 @@ class FeatureSource:
     def _features(self, progress: Progress, coarse_first: bool) -> Iterator[NormalisedFeatures]:
         weights = self._known_weights
         if weights is None or not (weights.path.exists() or self._key(weights) in self._cache):
-            weights = find_weights(self._model.name, self._weights_path, trust=self._trust, progress=progress)
+            weights = self._found_weights(progress)
         check_memory_for_features(self._volume, self._size_bytes, self._key(weights) in self._cache)
         cached = self._cached(self._key(weights))
+        if cached is None and not weights.path.exists():
+            weights = self._found_weights(progress)  # What was in the cache was damaged.
         self.provenance = FeatureProvenance(
             weights, str(self._device), self._settings.on(self._device).precision, cached is not None
         )
@@ -185,6 +194,10 @@ class FeatureSource:
             normalised = normalised_features(features, self._statistics)
             yield normalised
         self.provenance = replace(self.provenance, not_kept=self._cache.put(normalised.source))
+
+    def _found_weights(self, progress: Progress) -> WeightsFile:
+        name, path, may_download = self._model.name, self._weights_path, self._may_download
+        return find_weights(name, path, allow_download=may_download, trust=self._trust, progress=progress)
 
     def _check_room(self) -> None:
         """Raise InputError where the disk has no room for the features in the cache."""

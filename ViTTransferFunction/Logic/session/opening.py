@@ -24,6 +24,7 @@ def open_session(
     cache: FeatureCache | None = None,
     networks: Networks | None = None,
     trust: Trust | None = None,
+    ask_first: bool = False,
 ) -> SegmentationSession:
     """A session on a volume; its features are still to be loaded (`SegmentationSession.load_features`).
 
@@ -33,6 +34,7 @@ def open_session(
         cache: where features are kept between sessions; None: the user's cache folder.
         networks: that are open already, where several sessions follow each other.
         trust: asked about downloaded weights whose hash nobody publishes (`find_weights`).
+        ask_first: whether weights are downloaded only if an estimate told of that (`FeatureSource`), and never for close-ups.
 
     Raises:
         InputError: a setting cannot be used, or shows nothing of the volume.
@@ -48,7 +50,7 @@ def open_session(
 
     def source(of: Volume, how: FeatureSettings) -> FeatureSource:
         path, device = settings.weights_path, settings.device
-        return FeatureSource(of, how, chosen.statistics, model, path, device, cache, networks, trust)
+        return FeatureSource(of, how, chosen.statistics, model, path, device, cache, networks, trust, ask_first)
 
     def open_part(part: Volume) -> SegmentationSession:
         return SegmentationSession(part, chosen, source(part, close_up_settings(features, part.geometry)))

@@ -106,7 +106,7 @@ def fetch_weights(
         return WeightsFile(cached, check_cached(model, cached), model, "cache")
     target = folder / model.file_name
     if not allow_download:
-        raise _unavailable(model, target, "downloading is switched off")
+        raise _unavailable(model, target, "nobody was asked whether they may be downloaded")
     if model.request_page is not None:
         raise _unavailable(model, target, "their publisher gives them only to those who agree to its licence")
     if model.url is None:

@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
@@ -24,7 +25,9 @@ from ViTTransferFunction.Logic.session.opening import chosen_model, open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights import sources
+from ViTTransferFunction.Logic.weights.download import DownloadFailed
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
+from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL
@@ -125,6 +128,36 @@ def test_weights_that_are_not_here_are_told_of_and_not_fetched_by_an_estimate(
     cache_known_features(*spheres)
     estimate = open_session(spheres[0], SessionSettings(grid=GRID)).estimate()
     assert (estimate.cached, estimate.download) == (True, None)
+
+
+@pytest.mark.parametrize("ask_first", [False, True])
+def test_weights_of_which_no_estimate_told_are_fetched_only_where_nobody_has_to_be_asked(
+    spheres: Spheres, monkeypatch: pytest.MonkeyPatch, ask_first: bool
+) -> None:
+    """Features are in the cache, and the weights, which were here once, are gone; then, what is in the cache is damaged."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise DownloadFailed("no network")
+
+    monkeypatch.setattr(sources, "download", fail)
+    fetched = Calls(monkeypatch, sources, "_download")
+    cache_known_features(*spheres)
+    session = open_session(spheres[0], SessionSettings(grid=GRID), ask_first=ask_first)
+    assert session.estimate().download is None
+    session.load_features()
+    centre = centre_ras(spheres, 1)
+    request = ClassRequest("sphere", centre, close_up=CloseUp(tuple(centre[0]), (40.0, 40.0, 40.0)))
+    told = "nobody was asked" if ask_first else "no network"
+    with pytest.raises(WeightsUnavailable, match=told):
+        session.look_closer([request])
+    for entry in FeatureCache().entries():
+        FeatureCache()._path(entry.key).write_bytes(b"damaged")
+    with pytest.raises(WeightsUnavailable, match=told):
+        session.load_features()
+    assert fetched.count == (0 if ask_first else 2)
+    assert session.estimate().download is not None
+    with pytest.raises(WeightsUnavailable, match="no network"):
+        session.load_features()
 
 
 def test_the_volume_is_hashed_once(spheres: Spheres) -> None:

@@ -272,7 +272,7 @@ class TestDownload:
             assert part in str(error.value)
 
     def test_the_network_stays_unused_when_it_is_not_allowed(self, hashed: PretrainedModel, site: Site) -> None:
-        with pytest.raises(WeightsUnavailable, match=f"switched off.*{hashed.url}"):
+        with pytest.raises(WeightsUnavailable, match=f"nobody was asked.*{hashed.url}"):
             find_weights(NAME, allow_download=False)
 
         assert site.requests == 0
