@@ -115,6 +115,7 @@ class SegmentationProxy:
         self._labels: tuple[Labels, list[str]] | None = None
         self.awaiting_close_ups: tuple[str, ...] = ()
         self._refused = False
+        self._loads_at_once = True
 
     def start(self) -> None:
         """Start the compute process, so that it is ready when a volume is opened. Where that fails, `open` tells why."""
@@ -333,6 +334,10 @@ class SegmentationProxy:
     def _on_nothing(self, request: Any, reply: GivenUp | Failed) -> set[Event]:
         if isinstance(request, Extract):
             self.phase = "no features"
+            if isinstance(reply, Failed) and self.estimate is not None and self.estimate.cached:
+                # They cannot be used after all. What they cost then, a download say, users know before they ask for them.
+                self.estimate, self._loads_at_once = None, False
+                self._pending.ask(Prepare(self._settings))
         elif isinstance(request, LookCloser):
             self._due.decline(request)
         elif isinstance(request, TakeVolume):
@@ -353,7 +358,7 @@ class SegmentationProxy:
 
     def _on_estimate(self, request: Prepare, reply: FeatureEstimate) -> set[Event]:
         self.estimate = reply
-        if reply.cached and self.phase == "no features":
+        if reply.cached and self._loads_at_once and self.phase == "no features":
             self.extract()
         return {"state"}
 

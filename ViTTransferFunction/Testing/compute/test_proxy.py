@@ -369,6 +369,28 @@ def test_a_refused_setting_is_reported_once_and_sent_again_with_the_next_extract
     assert client.kinds()[-3:] == ["TakeVolume", "Prepare", "Extract"]
 
 
+def test_where_features_in_the_cache_cannot_be_used_what_others_cost_is_known_before_they_are_asked_for(
+    client: StubClient,
+) -> None:
+    proxy = SegmentationProxy(lambda: client)  # type: ignore[arg-type, return-value]
+    proxy.open(VOLUME, SETTINGS)
+    client.answer(Prepare, replace(COSTLY, cached=True))
+    proxy.poll()
+    for estimate in (replace(COSTLY, cached=True), COSTLY):  # In the second case, they were damaged.
+        client.answer(Extract, Failed("There are no weights."))
+        proxy.poll()
+        assert (proxy.take_error(), proxy.estimate) == ("There are no weights.", None)
+        assert client.kinds()[-2:] == ["Extract", "Prepare"]
+        client.answer(Prepare, estimate)
+        proxy.poll()
+        assert (proxy.phase, proxy.estimate) == ("no features", estimate)
+        assert client.kinds()[-1] == "Prepare"
+        proxy.extract()
+    client.answer(Extract, Failed("There is no network."))
+    proxy.poll()
+    assert proxy.estimate == COSTLY
+
+
 def test_a_refused_volume_leaves_none(client: StubClient) -> None:
     proxy = SegmentationProxy(lambda: client)  # type: ignore[arg-type, return-value]
     proxy.open(VOLUME, SETTINGS)
