@@ -167,10 +167,15 @@ def _centre(
     counts = np.maximum(np.ceil((high - low) / bin_mm).astype(int), 1)
     scores = [np.zeros(count) for count in counts]
     for segment in segments:
-        positions = geometry.ijk_to_ras_points(np.argwhere(segment.mask)[:, ::-1])
-        for axis, score in enumerate(scores if len(positions) else ()):
-            area = np.bincount(_bins(positions[:, axis], low[axis], bin_mm, counts[axis]), minlength=counts[axis])
-            score += area / area.max()
+        areas = [np.zeros(count, dtype=int) for count in counts]
+        # Slice by slice: a hundred bytes of each voxel of a body would be many times as much as the scan.
+        for k in np.flatnonzero(segment.mask.any(axis=(1, 2))):
+            j, i = np.nonzero(segment.mask[k])
+            positions = geometry.ijk_to_ras_points(np.stack([i, j, np.full_like(i, k)], axis=1))
+            for axis, area in enumerate(areas):
+                area += np.bincount(_bins(positions[:, axis], low[axis], bin_mm, counts[axis]), minlength=counts[axis])
+        for score, area in zip(scores, areas, strict=True):
+            score += area / max(area.max(), 1)
     for point in points:
         for axis, score in enumerate(scores):
             score[_bins(point.position_ras[axis : axis + 1], low[axis], bin_mm, counts[axis])] += 0.25

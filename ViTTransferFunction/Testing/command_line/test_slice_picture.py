@@ -10,6 +10,7 @@ from ViTTransferFunction.CommandLine.slice_picture import PicturePoint, draw_sli
 from ViTTransferFunction.Logic.core.classes.colors import Color
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Testing.support.allocation import peak_bytes
 from ViTTransferFunction.Testing.support.pictures import (
     BLUE,
     CENTRE,
@@ -148,3 +149,10 @@ def test_a_mask_of_another_shape_is_refused(aligned: Geometry) -> None:
     segment = PictureSegment("odd", RED, 1.0, np.zeros((3, 3, 3), dtype=bool))
     with pytest.raises(ValueError, match="odd"):
         draw_slices(dark_volume(aligned), [segment], window=WINDOW)
+
+
+def test_a_segment_that_fills_the_scan_takes_little_memory_beside_it() -> None:
+    shape = (96, 96, 96)
+    volume = Volume(np.arange(96**3, dtype=np.int16).reshape(shape), Geometry(shape, np.eye(4)))
+    body = PictureSegment("body", (1.0, 0.0, 0.0), 1.0, np.ones(shape, dtype=bool))
+    assert peak_bytes(lambda: draw_slices(volume, [body], window=(0.0, 100.0), width=300)) < 20 * 96**3
