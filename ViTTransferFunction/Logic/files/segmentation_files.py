@@ -205,7 +205,7 @@ def _segments_from_tags(tags: Mapping[str, str], path: Path) -> dict[int, Segmen
     segments: dict[int, Segment] = {}
     index = 0
     while (id_ := tags.get(f"Segment{index}_ID")) is not None:
-        name = tags.get(f"Segment{index}_Name", id_)
+        name = _in_utf8(tags.get(f"Segment{index}_Name", id_))
         try:
             color = _color_from_tag(tags[f"Segment{index}_Color"]) if f"Segment{index}_Color" in tags else default_color(index)
             label = _label_from_tag(tags.get(f"Segment{index}_LabelValue", "1"))
@@ -223,6 +223,15 @@ def _segments_from_tags(tags: Mapping[str, str], path: Path) -> dict[int, Segmen
     if not segments:
         raise InputError(f"{path} names no segments; expected a segmentation saved by Slicer or by this program.")
     return segments
+
+
+def _in_utf8(text: str) -> str:
+    """A text of a header; what is no UTF-8, as from older Slicers on Windows, is taken for Western European letters."""
+    written = text.encode("utf-8", "surrogateescape")
+    try:
+        return written.decode()
+    except UnicodeDecodeError:
+        return written.decode("latin-1")
 
 
 def _color_from_tag(text: str) -> Color:

@@ -63,6 +63,15 @@ def test_a_segment_may_be_called_anything_that_can_be_written(tmp_path: Path, la
     assert sitk.ReadImage(str(path)).GetMetaData("Segment1_Name") == name
 
 
+def test_names_that_an_older_slicer_wrote_on_windows_have_their_letters(tmp_path: Path, labels: np.ndarray) -> None:
+    """Of bytes that are no UTF-8, SimpleITK makes what no text may hold: VTK ends the program that is to draw it."""
+    path = tmp_path / "out.seg.nrrd"
+    names = ["Lungenfl-gel", "gro-e Z-ste", "ß"]
+    write_segmentation(path, labels, Geometry(labels.shape, np.eye(4)), [Segment(name, RED) for name in names])
+    path.write_bytes(path.read_bytes().replace(b"fl-gel", b"fl\xfcgel").replace(b"gro-e Z-ste", b"gro\xdfe Z\xffste"))
+    assert [segment.name for segment in read_segmentation(path)[2]] == ["Lungenflügel", "große Zÿste", "ß"]
+
+
 def test_names_may_be_longer_together_than_most_headers(tmp_path: Path, labels: np.ndarray) -> None:
     path, long = tmp_path / "out.seg.nrrd", [f"{index} {'x' * 3000}" for index in range(400)]
     write_segmentation(path, labels, Geometry(labels.shape, np.eye(4)), [Segment(name, RED) for name in long])
