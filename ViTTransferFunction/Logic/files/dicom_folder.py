@@ -28,6 +28,9 @@ NO_SLICES = (".nrrd", ".nii", ".nii.gz", ".mha", ".json", ".png", ".gif", ".mp4"
 SCOUT = "LOCALIZER"
 """Among the values of a scout's image type (DICOM PS3.3, C.8.2.1.1.1). Some scanners put it into the series of the scan."""
 
+_START_BYTES = 1024
+"""In which a file says by what number it is known from all others (0002,0003)."""
+
 _FILES_OF_SYSTEMS = (".ds_store", "thumbs.db", "desktop.ini")
 """What systems write where a folder is looked at, in small letters."""
 
@@ -174,9 +177,10 @@ def _why_unread(path: Path, complaint: str) -> str:
 
 def _without_copies(slices: Iterable[DicomSlice]) -> Iterator[DicomSlice]:
     """Slices of a series but for files that are the same, byte by byte, as one before, as where a disk was copied twice."""
-    paths_at: dict[tuple[bytes, int], list[Path]] = {}
+    # Of time points there are hundreds at one place, and of a file's first bytes some are its own: few are compared to the end.
+    alike: dict[tuple[int, bytes], list[Path]] = {}
     for one in slices:
-        others = paths_at.setdefault((one.position.tobytes(), one.path.stat().st_size), [])
+        others = alike.setdefault((one.path.stat().st_size, read_start(one.path, _START_BYTES)), [])
         if not any(filecmp.cmp(one.path, other, shallow=False) for other in others):
             others.append(one.path)
             yield one

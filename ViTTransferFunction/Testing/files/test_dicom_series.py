@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import filecmp
 import logging
 import shutil
 import struct
@@ -15,6 +16,7 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.files.dicom_folder import read_content
 from ViTTransferFunction.Logic.files.series_choice import SeveralSeries
 from ViTTransferFunction.Logic.files.volume_files import files_of, read_volume
 from ViTTransferFunction.Testing.attack.scans import Scan, write_dicom, write_moved_dicom
@@ -100,6 +102,16 @@ def test_copies_of_slices_are_passed_over(tmp_path: Path) -> None:
     twice = read_volume(tmp_path, pytest.fail)
     np.testing.assert_array_equal(twice.array, once.array)
     np.testing.assert_array_equal(twice.geometry.ijk_to_ras, once.geometry.ijk_to_ras)
+
+
+def test_of_time_points_none_is_read_to_its_end_to_tell_it_from_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of three hundred, each would be compared with all others at its place."""
+    for moment in range(3):
+        write_slices(tmp_path, moment=moment)
+    monkeypatch.setattr(filecmp, "cmp", lambda *_, **__: pytest.fail("compared"))
+    assert [series.part for series in read_content(tmp_path).series] == ["time point 0", "time point 1", "time point 2"]
 
 
 def test_a_slice_that_is_there_twice_and_not_the_same_is_named(tmp_path: Path) -> None:
@@ -281,15 +293,22 @@ POSITION, ORIENTATION, PIXEL_SIZE = (0x20, 0x32), (0x20, 0x37), (0x28, 0x30)
 
 
 def write_slices(
-    folder: Path, *, without: tuple[int, int] | None = None, pixel_size: str = "1.5\\1.25", orientation: str = AXIAL
+    folder: Path,
+    *,
+    without: tuple[int, int] | None = None,
+    pixel_size: str = "1.5\\1.25",
+    orientation: str = AXIAL,
+    moment: int = 0,
 ) -> Path:
-    """Write five slices that lack an element of those that say where their pixels lie."""
+    """Write five slices of a time point, that lack an element of those that say where their pixels lie."""
     for k in range(5):
         place = {POSITION: f"10\\20\\{2 * k}", ORIENTATION: orientation, PIXEL_SIZE: pixel_size}
         said = {tag: element(*tag, "DS", value) for tag, value in place.items() if tag != without}
         pixels = pixel_format(1) + said.pop(PIXEL_SIZE, b"") + element(0x28, 0x103, "US", 1)
         voxels = element(0x7FE0, 0x10, "OW", np.arange(k, k + 42, dtype="<i2").tobytes())
-        write_elements(folder / f"{k}.dcm", "1.2.840.10008.5.1.4.1.1.2", f"1.2.3.{k}", *said.values(), pixels, voxels)
+        name, time_point = 10 * moment + k, element(0x20, 0x100, "IS", str(moment))
+        elements = (*said.values(), time_point, pixels, voxels)
+        write_elements(folder / f"{name}.dcm", "1.2.840.10008.5.1.4.1.1.2", f"1.2.3.{name}", *elements)
     return folder
 
 
