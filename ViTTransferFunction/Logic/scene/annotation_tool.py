@@ -82,7 +82,7 @@ class AnnotationTool:
 
     def put_down(self) -> None:
         """Give the mouse back to the views."""
-        self.tool = None
+        self.tool = self._used_on = None
         self._place_mode.stop()
         self._slice_tools.stop()
         self._on_changed()

@@ -10,10 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import vtk
 
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.scene.annotation_tool import AnnotationTool
 from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Logic.scene.tools.slice_tools import SliceTools
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.known_features import GRID
 from ViTTransferFunction.Testing.support.scenes import add_volume, annotate, segment_masks
@@ -28,6 +31,25 @@ def test_volumes_of_a_scene_that_was_closed_are_kept_by_nobody(
     session.wait()
     gc.collect()
     assert [volume() for volume in left if volume() is not None] == []
+
+
+def test_a_scan_that_is_removed_while_another_one_is_chosen_is_kept_by_nobody(
+    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    tool = AnnotationTool(slicer_app.app_logic, SliceTools(tuple), lambda: 1.0, pytest.fail, lambda: None)
+    tool.session = session
+    annotate(session, spheres)
+    session.wait()
+    tool.toggle("pointOn")
+    tool.put_down()
+    image = vtk.vtkWeakReference()
+    image.Set(session.parameters.volume.GetImageData())
+    session.set_volume(add_volume(slicer_app.scene, Volume(-spheres[0].array, spheres[0].geometry, "other")))
+    session.wait()
+    slicer_app.scene.RemoveNode(slicer_app.scene.GetFirstNodeByName(spheres[0].name))
+    session.wait()
+    gc.collect()
+    assert image.Get() is None
 
 
 @pytest.mark.slow

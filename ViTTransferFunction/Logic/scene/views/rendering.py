@@ -56,7 +56,7 @@ class ClassRendering:
         self._quick = QuickPictures(windows)
         self._observers = SceneObservers()
         self._cut_by: Any = None
-        self._looked_at: Any = None
+        self._looked_at = vtk.vtkWeakReference()  # A scan that is removed from the scene is to leave memory.
         self._looked_in: set[str] = set()  # The windows, by their addresses.
 
     def show(
@@ -100,16 +100,17 @@ class ClassRendering:
     def look_in_new_views(self) -> None:
         """Have 3D views look at the scan that were not shown before, as those of another layout, if there are structures."""
         volume, display = self._nodes.find(VOLUME_NAME), self._nodes.find(DISPLAY_NAME)
-        if volume is not None and display is not None and display.GetVisibility() and self._looked_at is not None:
-            self._bring_into_sight(self._looked_at, volume)
+        if volume is not None and display is not None and display.GetVisibility() and self._looked_at.Get() is not None:
+            self._bring_into_sight(self._looked_at.Get(), volume)
 
     def _bring_into_sight(self, volume_node: Any, volume: Any) -> None:
         """Have those 3D views look at the scan that would not show structures when they first could.
 
         From then on, they stay as the user has them.
         """
-        if self._looked_at is not volume_node:
-            self._looked_at, self._looked_in = volume_node, set()
+        if self._looked_at.Get() is not volume_node:
+            self._looked_at.Set(volume_node)
+            self._looked_in = set()
         structures, scan = [0.0] * 6, [0.0] * 6
         volume.GetRASBounds(structures)
         volume_node.GetRASBounds(scan)
@@ -235,7 +236,7 @@ class ClassRendering:
         """Hide the structures, and take their nodes out of the scene."""
         self.hide()
         self._nodes.remove()
-        self._looked_at = None
+        self._looked_at.Set(None)
 
     def _add_display(self) -> Any:
         logic = self._app_logic.GetModuleLogic("VolumeRendering")
