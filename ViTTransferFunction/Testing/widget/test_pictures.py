@@ -64,11 +64,13 @@ def test_dialogs_begin_in_the_scenes_folder_where_the_working_folder_is_slicers_
 
     dialogs = SimpleNamespace(getSaveFileName=ask, getOpenFileName=ask)
     monkeypatch.setattr(pictures_section, "qt", SimpleNamespace(QFileDialog=dialogs))
-    monkeypatch.setattr(sys, "platform", platform)
     before = slicer.mrmlScene.GetRootDirectory()
     slicer.mrmlScene.SetRootDirectory("D:/patients")
-    pictures_section.ask_path_to_write("Save picture", "view.png", "*.png", None)
-    pictures_section.ask_path_to_read("Load camera", "*.json", None)
+    # No longer than this: the widget's compute process ends as the real system's do.
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "platform", platform)
+        pictures_section.ask_path_to_write("Save picture", "view.png", "*.png", None)
+        pictures_section.ask_path_to_read("Load camera", "*.json", None)
     slicer.mrmlScene.SetRootDirectory(before)
     assert asked == [f"{start}/view.png" if start else "view.png", start]
 
