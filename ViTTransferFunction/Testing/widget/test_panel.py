@@ -124,6 +124,21 @@ def test_a_long_message_squeezes_nothing_when_the_module_was_left_before(host: H
     wait_until(lambda: section.height() >= section.minimumSizeHint().height())
 
 
+def test_a_section_that_was_open_when_the_module_was_entered_again_leaves_no_gap_when_it_is_closed(
+    host: Host, widget: Any
+) -> None:
+    host.window.resize(PANEL_WIDTH, 700)
+    slicer.app.processEvents()
+    high = host.representation.height()
+    widget.ui.advancedCollapsibleButton.collapsed = False
+    wait_until(lambda: host.representation.height() > high)
+    host.representation.exit()
+    host.representation.enter()
+    slicer.app.processEvents()
+    widget.ui.advancedCollapsibleButton.collapsed = True
+    wait_until(lambda: host.representation.height() == high)
+
+
 def test_a_message_is_seen_where_the_panel_is_scrolled_down(host: Host, widget: Any) -> None:
     host.window.resize(host.window.width(), 400)
     slicer.app.processEvents()
