@@ -12,6 +12,7 @@ from .classes.class_state import ClassState
 from .interface.wording import no_structure_text
 from .session import SceneSession
 from .tools.drawing_tool import DrawingTool, Shape
+from .tools.free_mouse import FreeMouse
 from .tools.place_mode import PlaceMode
 from .tools.slice_tools import SliceTools
 from .tools.stroke_tool import StrokeTool
@@ -64,6 +65,7 @@ class AnnotationTool:
         self.session: SceneSession | None = None
         self._used_on: tuple[Any, str] | None = None
         self._place_mode = PlaceMode(app_logic, self.put_down)
+        self._free_mouse = FreeMouse(app_logic, self.put_down)
         self._slice_tools = slice_tools
         self._brush_mm = brush_mm
         self._report = report
@@ -84,6 +86,7 @@ class AnnotationTool:
         """Give the mouse back to the views."""
         self.tool = self._used_on = None
         self._place_mode.stop()
+        self._free_mouse.stop()
         self._slice_tools.stop()
         self._on_changed()
 
@@ -120,9 +123,13 @@ class AnnotationTool:
         self._used_on = self._where(selected)
         self._slice_tools.stop()
         if self.tool in ("pointOn", "pointOff"):
+            self._free_mouse.stop()
             self._place_mode.start(self.session.annotations.points_node(selected.id, self.tool == "pointOn"))
-        elif self.tool in _SHAPES:
-            self._place_mode.stop()
+            self._on_changed()
+            return
+        self._place_mode.stop()
+        self._free_mouse.start()
+        if self.tool in _SHAPES:
             shape, inside = _SHAPES[self.tool]
             color = INSIDE_COLOR if inside else OUTSIDE_COLOR
             self._slice_tools.start(
@@ -131,7 +138,6 @@ class AnnotationTool:
                 )
             )
         else:
-            self._place_mode.stop()
             size_mm = self._brush_mm()
             if self.tool == "eraser":
                 # Its circles overlap, so that no point slips between two of them.

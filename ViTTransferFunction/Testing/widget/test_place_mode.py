@@ -225,6 +225,29 @@ def test_where_the_list_in_hand_goes_clicks_place_nothing_in_another_structure(
     assert not selection.GetActivePlaceNodeID()
 
 
+@pytest.mark.parametrize("mode", ["Place", "AdjustWindowLevel"])
+@pytest.mark.parametrize("tool", ["brushOn", "outline", "eraser"])
+def test_a_tool_of_slicer_s_takes_the_one_for_slices_out_of_the_hand_and_goes_on(
+    widget: Any, interaction: Any, tool: str, mode: str
+) -> None:
+    add_class(widget)
+    widget.panel.tools.toggle(tool)
+    interaction.SetCurrentInteractionMode(getattr(interaction, mode))
+    assert widget.panel.tools.tool is None
+    assert not getattr(widget.ui, f"{tool}Button").isChecked()
+    assert interaction.GetCurrentInteractionMode() == getattr(interaction, mode)
+
+
+@pytest.mark.parametrize("mode", ["Place", "AdjustWindowLevel"])
+def test_a_tool_for_slices_takes_one_of_slicer_s_out_of_the_hand(widget: Any, interaction: Any, mode: str) -> None:
+    add_class(widget)
+    widget.panel.tools.put_down()
+    interaction.SetCurrentInteractionMode(getattr(interaction, mode))
+    widget.ui.brushOnButton.click()
+    assert widget.panel.tools.tool == "brushOn"
+    assert interaction.GetCurrentInteractionMode() == interaction.ViewTransform
+
+
 def test_slicer_s_own_button_places_nothing_in_a_structure_afterwards(widget: Any, selection: Any) -> None:
     add_class(widget)
     widget.ui.pointOnButton.click()
