@@ -9,7 +9,7 @@ import slicer
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.system.progress import WorkProgress
-from ViTTransferFunction.Logic.scene.feature_wording import cost_text, point_warnings, status_text
+from ViTTransferFunction.Logic.scene.feature_wording import cost_text, missing_text, point_warnings, status_text
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.views.volume_in_slices import fit_in_slices, show_in_slices
 from ViTTransferFunction.Widget.download_consent import DownloadConsent
@@ -60,6 +60,8 @@ class VolumeSection(Section):
 
     def _show_features(self, session: SceneSession | None, phase: str) -> None:
         ui, status = self.ui, status_text(session, phase)
+        if session is not None and phase == "no features":
+            status = missing_text(session)
         ui.extractionStatusLabel.visible = bool(status)
         ui.extractionStatusLabel.text = status
         obstacle = _obstacle(session, phase)

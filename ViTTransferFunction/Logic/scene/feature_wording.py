@@ -54,6 +54,19 @@ def status_text(session: SceneSession | None, phase: str) -> str:
     return _("✔ Features are ready: {frame}").format(frame=frame) if frame else _("✔ Features are ready")
 
 
+def missing_text(session: SceneSession) -> str:
+    """What points get without the features, and what with them; "" where these are not to be computed, or nothing waits."""
+    to_compute = session.phase == "no features" and session.estimate is not None and not session.estimate.cached
+    if not to_compute or not any(state.positive for state in session.classes):
+        return ""
+    if any(session.chosen_iso(state.id) is not None for state in session.classes):
+        return _(
+            "What is shown is of coarse features, and rough: compute the features to the end for finer structures, and to "
+            "create segments."
+        )
+    return _("Points show their structure once the features are computed.")
+
+
 def point_warnings(session: SceneSession) -> list[str]:
     """What is wrong with where points lie: a line for each structure that it is true of."""
     names = {state.id: state.name for state in session.classes}

@@ -416,6 +416,19 @@ def test_points_where_the_scan_was_masked_are_told_until_they_are_gone(widget: A
     assert label.isHidden()
 
 
+def test_who_clicks_without_features_is_told_what_is_missing(widget: Any, volume: Any) -> None:
+    ui, session = widget.ui, widget.panel.session
+    ui.volumeSelector.setCurrentNode(volume)
+    wait_until(lambda: session.phase == "no features" and session.estimate is not None and not session.busy)
+    add_class(widget)
+    assert ui.extractionStatusLabel.isHidden()
+    place(widget, (0.0, 0.0, 0.0))
+    assert ui.extractionStatusLabel.text() == "Points show their structure once the features are computed."
+    assert ui.extractionStatusLabel.isVisible()
+    session.annotations.undo()
+    assert ui.extractionStatusLabel.isHidden()
+
+
 @pytest.fixture
 def sequence(slicer_app: Any, spheres: Spheres) -> Sequence:
     volume, labels = spheres
