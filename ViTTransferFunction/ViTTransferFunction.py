@@ -172,12 +172,19 @@ class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixi
 
 
 def help_text() -> str:
-    """What the module does, that it is for research, and what it needs; as HTML."""
+    """What the module does, that it is for research, how to begin, and what it needs; as HTML."""
     purpose = _(
         "Segments structures of a CT or MR volume, and renders them in 3D, from a few points: features of a vision transformer "
         "tell which voxels are similar to those that were clicked. Nothing is trained, and no image leaves this computer."
     )
     research = _("For research use only. This is not a medical device: do not base diagnosis or treatment on its results.")
+    steps = (
+        _("Choose the scan, and press <i>Compute features</i>: once for each scan."),
+        _("Press <i>Add structure</i>, and click on the structure in a slice."),
+        _("Click where something is missing. Where too much is shown, take <i>Outside</i>, and click there."),
+        _("Begin what is small with <i>Outline</i>: drag once around it. Where it is thin, <i>Look closer</i> may help."),
+        _("<i>Create segments</i> makes an ordinary segmentation of all structures, for Slicer's other modules."),
+    )
     needs = (
         _("Slicer {version} or later").format(version=".".join(map(str, OLDEST_SLICER))),
         _("PyTorch, which the panel installs: a download of up to 3 GB"),
@@ -188,8 +195,8 @@ def help_text() -> str:
         # Benchmarks/results/features.md, seconds on AVX2.
         _("no graphics card: the features of 512×512×300 voxels took 7 seconds on two ordinary processor cores"),
     )
-    listed = "".join(f"<li>{need}</li>" for need in needs)
-    return f"<p>{purpose}</p><p><b>{research}</b></p><p>{_('It needs:')}</p><ul>{listed}</ul>"
+    numbered, listed = ("".join(f"<li>{line}</li>" for line in lines) for lines in (steps, needs))
+    return f"<p>{purpose}</p><p><b>{research}</b></p><ol>{numbered}</ol><p>{_('It needs:')}</p><ul>{listed}</ul>"
 
 
 def slicer_is_too_old() -> bool:

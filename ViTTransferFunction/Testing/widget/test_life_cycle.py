@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import urllib.error
 import urllib.request
 from pathlib import Path
@@ -179,6 +180,20 @@ def test_the_help_says_what_the_module_needs_and_that_it_is_for_research(host: H
         f"up to {LIMIT_BYTES // 10**9} GB",
     ):
         assert fact in told
+
+
+def test_the_help_says_how_to_begin_by_the_names_that_buttons_have(host: Host) -> None:
+    named = re.findall("<i>(.*?)</i>", host.module.parent.helpText)
+    ui = host.open_panel().ui
+    buttons = (
+        ui.extractButton,
+        ui.addClassButton,
+        ui.pointOffButton,
+        ui.outlineButton,
+        ui.lookCloserButton,
+        ui.writeSegmentsButton,
+    )
+    assert named == [button.text() for button in buttons]
 
 
 def save_scene_with_structures(scene: Any, path: Path, *names: str) -> None:
