@@ -118,3 +118,55 @@ def test_in_a_browser_fingers_place_points_paint_enlarge_and_change_the_window(a
     fingers(("touchStart", ((x - 60, y - 60),)), *strokes, ("touchEnd", ()))
     page.wait_for_state("classes[0].positive > 1")
     page.keep_picture("by fingers")
+
+
+STEPS = """() => {
+    window.stepsOfViews = [];
+    const send = window.viewStep;
+    window.viewStep = (...step) => { stepsOfViews.push(step); send(...step); };
+}"""
+"""Keeps what mouse and fingers do in the views."""
+
+
+@pytest.mark.slow
+def test_two_fingers_on_a_touchpad_enlarge_and_ctrl_with_the_wheel_stays_what_it_is(at_noise: AppPage) -> None:
+    page = at_noise
+    browser = page.page.context.new_cdp_session(page.page)
+    box = page["view-Red"].bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.page.evaluate(STEPS)
+    # As Chromium has them from a touchpad: with Ctrl, which nobody holds.
+    for _ in range(4):
+        turn = {"type": "mouseWheel", "x": x, "y": y, "deltaX": 0, "deltaY": -4, "modifiers": 2}
+        browser.send("Input.dispatchMouseEvent", turn)
+    page.page.wait_for_function("stepsOfViews.length > 0 && stepsOfViews.every((step) => step[1] === 'spread' && step[5] > 1)")
+    page.page.mouse.move(x, y)
+    for key in ("Control", "Meta"):
+        page.page.keyboard.down(key)
+        page.page.mouse.wheel(0, -100)
+        page.page.keyboard.up(key)
+        page.page.wait_for_function("stepsOfViews.at(-1)[1] === 'wheel'")
+        _, _, _, keys, notches = page.page.evaluate("stepsOfViews.pop()")
+        assert (keys, notches) == ([True, False, False], 1)
+
+
+GESTURE = """(scales) => {
+    const view = document.querySelector("[data-testid=view-Red]"), { x, y } = view.getBoundingClientRect();
+    return scales.map((scale, index) => {
+        const gesture = new Event(index ? "gesturechange" : "gesturestart", { bubbles: true, cancelable: true });
+        Object.assign(gesture, { scale, clientX: x + 20, clientY: y + 20 });
+        view.dispatchEvent(gesture);
+        return gesture.defaultPrevented;
+    });
+}"""
+"""Spreads two fingers on a touchpad as Safari tells of them; whether the page keeps each event from it."""
+
+
+@pytest.mark.slow
+def test_two_fingers_on_a_touchpad_enlarge_a_slice_and_not_the_page_in_safari(at_noise: AppPage) -> None:
+    page = at_noise
+    page.page.evaluate(STEPS)
+    for _ in range(2):
+        assert page.page.evaluate(GESTURE, [1.0, 1.5, 3.0]) == [True, True, True]
+    steps = page.page.evaluate("stepsOfViews")
+    assert [(step[1], step[5]) for step in steps] == [("spread", 1.5), ("spread", 2.0)] * 2

@@ -12,11 +12,15 @@
   const isControl = (target) => target.closest(".slice-row, .view-buttons");
   const viewAt = ({ target }) => (target.closest && !isControl(target) ? target.closest("[data-view]") : null);
 
-  function step(area, what, event, ...more) {
+  function placeIn(area, event) {
     const box = area.getBoundingClientRect();
-    const place = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
+    return [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
+  }
+
+  function step(area, what, event, ...more) {
     // On a Mac, Ctrl makes a left button the right one; what is Ctrl elsewhere is Cmd there.
-    window.viewStep(area.dataset.view, what, place, [event.ctrlKey || event.metaKey, event.shiftKey, event.altKey], ...more);
+    const keys = [event.ctrlKey || event.metaKey, event.shiftKey, event.altKey];
+    window.viewStep(area.dataset.view, what, placeIn(area, event), keys, ...more);
   }
 
   function hold(event, buttons) {
@@ -82,11 +86,36 @@
     return -way;
   }
 
+  // Two fingers on a touchpad that spread enlarge, as on a screen. Browsers send them as turns of the wheel with Ctrl, which would
+  // change the structure: whether that key is held, all other events know.
+  const PX_PER_E = 100;
+  let control = false;
+  for (const name of ["keydown", "keyup", "pointerdown", "pointermove"])
+    window.addEventListener(name, (event) => { control = event.ctrlKey; }, { capture: true });
+
+  function spread(area, event, factor) {
+    const place = placeIn(area, event);
+    window.viewStep(area.dataset.view, "spread", place, [false, false, false], place, factor);
+    rest = "";
+  }
+
+  // Safari has events of its own for them, and would enlarge the page. It has these for fingers on a screen too, which are `touch.js`'s.
+  let scale = 1;
+  for (const name of navigator.maxTouchPoints ? [] : ["gesturestart", "gesturechange"])
+    window.addEventListener(name, (event) => {
+      const area = viewAt(event);
+      if (!area) return;
+      event.preventDefault();
+      if (name === "gesturechange") spread(area, event, event.scale / scale);
+      scale = event.scale;
+    }, { capture: true, passive: false });
+
   window.addEventListener("wheel", (event) => {
     const area = viewAt(event);
     if (!area) return;
     event.preventDefault();
     event.stopPropagation();
+    if (event.ctrlKey && !control) return spread(area, event, Math.exp(-event.deltaY / PX_PER_E));
     const notch = notchOf(event);
     if (!notch) return;
     step(area, "wheel", event, notch);
