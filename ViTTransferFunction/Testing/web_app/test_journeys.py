@@ -406,6 +406,24 @@ def test_points_are_downloaded_and_dropped_on_the_scan_without_a_question(
     page.page.keyboard.press("Escape")
 
 
+def test_what_is_dragged_over_the_page_may_be_dropped_there_until_it_leaves_also_in_safari(at_app: AppPage) -> None:
+    # Which does not say of a drag that leaves something where it goes.
+    told = at_app.page.evaluate(
+        """() => {
+          const dataTransfer = new DataTransfer();
+          dataTransfer.items.add(new File(["scan"], "scan.nrrd"));
+          const [panel, views] = [".panel", ".views"].map((one) => document.querySelector(one));
+          const over = [["dragenter", panel], ["dragover", panel]];
+          const steps = [...over, ["dragenter", views], ["dragleave", panel], ["dragleave", views]];
+          return steps.map(([name, where]) => {
+            where.dispatchEvent(new DragEvent(name, { dataTransfer, bubbles: true, cancelable: true }));
+            return window.trame.state.get("dragging");
+          });
+        }"""
+    )
+    assert told == [False, True, True, True, False]
+
+
 def test_a_folder_that_cannot_be_read_is_told_of(at_app: AppPage, volume: Path) -> None:
     page = at_app
     open_volume(page, volume)

@@ -173,8 +173,11 @@
     event.preventDefault();
     if (!state("dragging")) set("dragging", true);
   });
+  // What the mouse is over is entered before it leaves what it was over before; Safari does not say where it goes.
+  let over = null;
+  window.addEventListener("dragenter", (event) => { over = event.target; });
   window.addEventListener("dragleave", (event) => {
-    if (!event.relatedTarget) set("dragging", false);
+    if (event.target === over) set("dragging", false);
   });
   window.addEventListener("drop", async (event) => {
     if (!bringsFiles(event)) return;
