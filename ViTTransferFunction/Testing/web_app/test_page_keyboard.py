@@ -416,6 +416,15 @@ def test_keys_of_the_table_work_on_the_structure_that_has_the_focus(page: AppPag
     assert names[0] not in page.page.evaluate("window.trame.state.get('classes').map((one) => one.name)")
 
 
+def test_a_structure_that_was_moved_keeps_the_keyboard(page: AppPage) -> None:
+    row = page.page.evaluate("window.trame.state.get('classes')[4].id")
+    page["class-4"].focus()
+    for key, place in (("ArrowUp", 3), ("ArrowUp", 2), ("ArrowDown", 3)):
+        page.page.keyboard.press(f"Alt+{key}")
+        page.wait_for_state(f"classes[{place}].id === '{row}'")
+        page.page.wait_for_function(f"document.activeElement.dataset.classRow === '{row}'")
+
+
 def test_esc_leaves_a_structure_its_name(page: AppPage) -> None:
     before = page["class-name-2"].input_value()
     page["class-2"].focus()

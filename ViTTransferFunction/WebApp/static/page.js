@@ -40,6 +40,13 @@
     if (save) save.click();
   }
 
+  // A row that moves up is taken out of its table and put in again, which takes the keyboard from it.
+  let moved = null;
+  new MutationObserver(() => {
+    if (moved && moved.isConnected && document.activeElement === document.body) moved.focus();
+  }).observe(document.documentElement, { childList: true, subtree: true });
+  window.addEventListener("pointerdown", () => { moved = null; }, { capture: true });
+
   window.addEventListener("keydown", (event) => {
     if (!window.requests || isCutOff()) return;
     if ((event.ctrlKey || event.metaKey) && !isSignByAlt(event)) return withControl(event);
@@ -64,8 +71,10 @@
         const name = row.querySelector("[data-name]");
         name.readOnly = false;
         name.select();
+      } else {
+        moved = row;
+        act(shortcut.action);
       }
-      else act(shortcut.action);
     } else if (shortcut.action === "help") set("asking_help", !state("asking_help"));
     else act(shortcut.action);
     event.preventDefault();
