@@ -425,7 +425,9 @@ def test_a_structure_that_was_moved_keeps_the_keyboard(page: AppPage) -> None:
         page.page.wait_for_function(f"document.activeElement.dataset.classRow === '{row}'")
 
 
-def test_esc_leaves_a_structure_its_name(page: AppPage) -> None:
+def test_esc_leaves_a_structure_its_name_and_the_tool_in_hand(page: AppPage) -> None:
+    page["tool-eraser"].click()
+    page.page.wait_for_function("window.trame.state.get('tool') === 'eraser'")
     before = page["class-name-2"].input_value()
     page["class-2"].focus()
     page.page.keyboard.press("F2")
@@ -439,6 +441,7 @@ def test_esc_leaves_a_structure_its_name(page: AppPage) -> None:
     page.page.keyboard.press("Enter")
     page.wait_for_state("classes[3].name === 'spleen'")
     assert page.page.evaluate("window.trame.state.get('classes')[2].name") == before
+    assert page.page.evaluate("window.trame.state.get('tool')") == "eraser"
 
 
 def test_a_dialog_has_the_keyboard_until_esc_gives_it_back(page: AppPage) -> None:
