@@ -351,24 +351,24 @@ def test_ctrl_with_z_y_and_s_undoes_redoes_and_saves_as_in_other_programs(page: 
     assert download.value.suggested_filename == "noise.mrb"
 
 
-ASKED_BY = """(keys) => {
+ASKED_BY = """([where, keys]) => {
     const asked = [], ask = window.requests.ask;
     window.requests.ask = (name, [action]) => asked.push(action);
     for (const key of keys) {
-        document.body.dispatchEvent(new KeyboardEvent("keydown", {bubbles: true, ...key}));
+        document.querySelector(where).dispatchEvent(new KeyboardEvent("keydown", {bubbles: true, ...key}));
     }
     window.requests.ask = ask;
     return asked;
 }"""
-"""What the page asks for when keys are pressed."""
+"""What the page asks for when keys are pressed in an element."""
 
 
 def test_signs_may_be_on_altgr_as_windows_reports_it_or_on_option(page: AppPage) -> None:
     on_windows = {"key": "[", "ctrlKey": True, "altKey": True}
     on_a_mac = {"key": "]", "altKey": True}
-    assert page.page.evaluate(ASKED_BY, [on_windows, on_a_mac]) == ["smaller", "larger"]
+    assert page.page.evaluate(ASKED_BY, ["body", [on_windows, on_a_mac]]) == ["smaller", "larger"]
     others = [{"key": "[", "ctrlKey": True}, {"key": "a", "altKey": True}, {"key": "a", "ctrlKey": True, "altKey": True}]
-    assert page.page.evaluate(ASKED_BY, others) == []
+    assert page.page.evaluate(ASKED_BY, ["body", others]) == []
 
 
 PREVENTED = """([test_id, key]) => {
@@ -423,6 +423,18 @@ def test_a_structure_that_was_moved_keeps_the_keyboard(page: AppPage) -> None:
         page.page.keyboard.press(f"Alt+{key}")
         page.wait_for_state(f"classes[{place}].id === '{row}'")
         page.page.wait_for_function(f"document.activeElement.dataset.classRow === '{row}'")
+
+
+def test_on_a_mac_its_key_delete_removes_a_structure(page: AppPage) -> None:
+    before = page.page.evaluate("window.trame.state.get('classes').length")
+    backspace = [{"key": "Backspace"}]
+    assert page.page.evaluate(ASKED_BY, ["[data-testid='class-0']", backspace]) == []
+    page.page.add_init_script("Object.defineProperty(navigator, 'platform', { value: 'MacIntel' })")
+    page.page.reload()
+    page["class-0"].wait_for()
+    page["class-0"].focus()
+    page.page.keyboard.press("Backspace")
+    page.wait_for_state(f"classes.length === {before - 1}")
 
 
 def test_esc_leaves_a_structure_its_name_and_the_tool_in_hand(page: AppPage) -> None:

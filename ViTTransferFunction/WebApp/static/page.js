@@ -10,8 +10,9 @@
   // Keys by which Firefox searches the page for what is typed next: tools, say.
   const SEARCH_KEYS = ["/", "'"];
 
-  // Keys, by the table that all front ends share.
+  // Keys, by the table that all front ends share. The key on which Macs have "delete" is elsewhere one that takes a letter back.
   const PLAIN = { Escape: "Esc", Delete: "Del", ArrowUp: "Up", ArrowDown: "Down" };
+  if (navigator.platform.startsWith("Mac")) PLAIN.Backspace = "Del";
 
   // Many keyboards have [ and ] on AltGr, which some browsers of Windows report as Ctrl with Alt, or, on a Mac, on Option,
   // which is Alt.
