@@ -165,6 +165,8 @@ GESTURE = """(scales) => {
 @pytest.mark.slow
 def test_two_fingers_on_a_touchpad_enlarge_a_slice_and_not_the_page_in_safari(at_noise: AppPage) -> None:
     page = at_noise
+    page["view-Red"].wait_for()
+    page.page.wait_for_function("Boolean(window.viewStep)")
     page.page.evaluate(STEPS)
     for _ in range(2):
         assert page.page.evaluate(GESTURE, [1.0, 1.5, 3.0]) == [True, True, True]
