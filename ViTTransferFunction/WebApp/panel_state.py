@@ -9,7 +9,7 @@ from ..Logic.core.classes.colors import hex_color
 from ..Logic.core.system.progress import WorkProgress
 from ..Logic.scene.classes.class_size import stepped
 from ..Logic.scene.classes.class_state import ClassState
-from ..Logic.scene.feature_wording import cost_text, point_warnings, status_text
+from ..Logic.scene.feature_wording import cost_text, missing_text, point_warnings, status_text
 from ..Logic.scene.interface.cache_contents import CacheContents
 from ..Logic.scene.interface.wording import (
     closer_look_text,
@@ -63,6 +63,7 @@ def session_state(session: SceneSession, *, with_cache: bool, with_look: bool) -
         "up_to_date": session.up_to_date,
         "volume_name": volume.GetName() if volume else "",
         "estimate": cost_text(session) if session.phase == "no features" else "",
+        "missing": missing_text(session),
         "status": "\n".join([*filter(None, [status_text(session, session.phase)]), *point_warnings(session)]),
         "progress": _progress(session),
         "looks_closer": session.looks_closer,
@@ -74,7 +75,6 @@ def session_state(session: SceneSession, *, with_cache: bool, with_look: bool) -
         "can_redo": session.annotations.can_redo,
         "can_remove_last": selected is not None and bool(selected.positive or selected.negative),
         "annotated": any(state.positive for state in session.classes),
-        "answered": any(session.chosen_iso(state.id) is not None for state in session.classes),
         "can_write": session.segments.can_write,
         "written": session.segments.exist,
         "outdated": outdated_text() if session.segments.outdated else "",

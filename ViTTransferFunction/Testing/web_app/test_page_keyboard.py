@@ -259,13 +259,11 @@ def test_however_many_warnings_there_are_the_table_of_structures_stays_in_sight(
         page.page.set_viewport_size({"width": 1280, "height": 800})
 
 
-def test_who_stopped_the_features_halfway_is_told_that_coarse_ones_answer(page: AppPage) -> None:
+def test_who_clicks_without_features_is_told_what_is_missing_until_they_are_begun(page: AppPage) -> None:
     set_state = "([name, value]) => window.trame.state.set(name, value)"
-    page.page.evaluate(set_state, ["annotated", True])
-    page["features-missing"].get_by_text("Points show their structure once the features are computed.").wait_for()
-    page.page.evaluate(set_state, ["answered", True])
-    page["features-missing"].get_by_text("What is shown is of coarse features").wait_for()
-    page.page.evaluate(set_state, ["annotated", False])
+    page.page.evaluate(set_state, ["missing", "Points show their structure once the features are computed."])
+    page["features-missing"].get_by_text("Points show their structure").wait_for()
+    page.page.evaluate(set_state, ["missing", ""])
     page["features-missing"].wait_for(state="detached")
 
 

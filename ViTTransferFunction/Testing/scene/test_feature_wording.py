@@ -1,0 +1,39 @@
+"""What panel and page say of features."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from ViTTransferFunction.Logic.scene.feature_wording import missing_text
+
+ROUGH, WAITING, NOTHING = "coarse features, and rough", "once the features are computed", ""
+
+
+@pytest.mark.parametrize(
+    ("phase", "cached", "points", "iso", "told"),
+    [
+        ("no features", False, 1, None, WAITING),
+        ("no features", False, 1, 0.5, ROUGH),
+        ("no features", False, 0, None, NOTHING),
+        ("no features", True, 1, None, NOTHING),
+        ("no features", None, 1, None, NOTHING),
+        ("extracting", False, 1, None, NOTHING),
+        ("ready", False, 1, 0.5, NOTHING),
+    ],
+)
+def test_who_clicks_without_features_is_told_what_is_missing(
+    phase: str, cached: bool | None, points: int, iso: float | None, told: str
+) -> None:
+    """`cached` is None before the estimate is there; an iso value has been chosen where coarse features were there once."""
+    session: Any = SimpleNamespace(
+        phase=phase,
+        estimate=None if cached is None else SimpleNamespace(cached=cached),
+        classes=[SimpleNamespace(id="a", positive=[(0.0, 0.0, 0.0)] * points)],
+        chosen_iso=lambda id_: iso,
+    )
+    text = missing_text(session)
+    assert told in text
+    assert bool(text) is bool(told)
