@@ -66,6 +66,7 @@ class Actions:
             "nextClass": lambda: self._select_neighbour(1),
             "nextPoint": self._of_selected(lambda session, id_: session.show_next_point(id_)),
             "putDown": app.tool.put_down,
+            "removePoints": self._of_selected(lambda session, id_: session.annotations.remove_points(id_)),
             "duplicate": self._of_selected(_duplicate),
             "parameter": self._set_parameter,
             "style": self._set_style,

@@ -16,7 +16,7 @@ from ViTTransferFunction.Widget.wording import in_menu
 
 
 class ClassActions(Section):
-    """Rename, recolour, duplicate, move, remove, and a look at the points. Undo takes all of them back but the look.
+    """Rename, recolour, begin anew, duplicate, move, remove, and a look at the points. Undo takes back all but the look.
 
     The keys work only while the table has the focus: neither elsewhere, nor while a name is typed.
 
@@ -38,6 +38,7 @@ class ClassActions(Section):
         self._show_next_point = self._add(_("Show next point"), self.show_next_point)
         self._points_inside = self._add_markup_menu(_("Points inside from a markup"), positive=True)
         self._points_outside = self._add_markup_menu(_("Points outside from a markup"), positive=False)
+        self._remove_points = self._add(_("Remove points"), self.remove_points)
         self._duplicate = self._add(_("Duplicate"), self.duplicate)
         self._move_up = self._add(_("Move up"), self.move_up, "moveUp")
         self._move_down = self._add(_("Move down"), self.move_down, "moveDown")
@@ -55,7 +56,8 @@ class ClassActions(Section):
             button.enabled = action.enabled = possible
         for action in (self._rename, self._change_color, self._points_inside.menuAction(), self._points_outside.menuAction()):
             action.enabled = selected is not None
-        self._show_next_point.enabled = selected is not None and bool(selected.positive or selected.negative)
+        for action in (self._show_next_point, self._remove_points):
+            action.enabled = selected is not None and bool(selected.positive or selected.negative)
 
     def rename(self) -> None:
         """Have the user type a name."""
@@ -68,6 +70,11 @@ class ClassActions(Section):
         """Centre the slice views on the next point, inside or outside."""
         if self.session is not None and self.selected is not None:
             self.session.show_next_point(self.selected.id)
+
+    def remove_points(self) -> None:
+        """Begin the structure anew, under its name and in its colour."""
+        if self.session is not None and self.selected is not None:
+            self.session.annotations.remove_points(self.selected.id)
 
     def duplicate(self) -> None:
         """Add a structure with the same settings and points, and select it."""

@@ -6,6 +6,7 @@ from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
@@ -113,6 +114,17 @@ def test_a_structure_is_duplicated_and_moved(opened: Callable[[Journey], None]) 
         assert app.session.selected_class == second
         app.actions("moveUp")
         assert app.session.classes == (second, first)
+
+    opened(journey)
+
+
+def test_a_structure_is_begun_anew(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        (state,) = app.session.classes
+        app.session.annotations.add_points(state.id, np.zeros((2, 3)), positive=False)
+        app.actions("removePoints")
+        assert app.session.classes == (state,)
 
     opened(journey)
 

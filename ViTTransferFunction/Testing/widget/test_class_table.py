@@ -260,6 +260,15 @@ def test_a_double_click_on_a_count_goes_from_point_to_point_of_that_kind(widget:
     assert centres() == [pytest.approx(first)] * 3
 
 
+def test_a_structure_is_begun_anew_by_the_menu_and_has_the_next_click(widget: Any) -> None:
+    add_class(widget, "liver")
+    place(widget, (1.0, 2.0, 3.0), (-4.0, 5.0, 6.0))
+    choose(widget, "Remove points")
+    assert [(state.name, state.positive) for state in widget.panel.session.classes] == [("liver", ())]
+    place(widget, (0.0, 0.0, 0.0))
+    assert [len(state.positive) for state in widget.panel.session.classes] == [1]
+
+
 def test_points_come_from_a_markup_that_is_chosen_in_the_menu(widget: Any) -> None:
     add_class(widget)
     inside, outside = (action.menu() for action in widget.ui.classTable.actions() if action.menu())

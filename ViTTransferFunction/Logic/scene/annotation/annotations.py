@@ -23,7 +23,15 @@ from ..classes.class_nodes import (
     write_classes,
 )
 from ..classes.class_size import stepped, turned
-from ..classes.class_state import ClassState, CloseUpBox, changed, duplicate_class_state, new_class_state, without_points
+from ..classes.class_state import (
+    ClassState,
+    CloseUpBox,
+    begun_anew,
+    changed,
+    duplicate_class_state,
+    new_class_state,
+    without_points,
+)
 from ..classes.volume_histories import Classes
 from ..mrml.point_lists import Point
 from .watched_classes import WatchedClasses
@@ -191,6 +199,14 @@ class SceneAnnotations(WatchedClasses):
         if last is not None:
             with self._edit():
                 write_class(self._scene, self._positive(id_), replace(state, **{last: getattr(state, last)[:-1]}))
+
+    def remove_points(self, id_: str) -> None:
+        """Remove all points of a class, and what they led to: size, iso value, a closer look; one step for undo.
+
+        Its name, look and segment are as they were.
+        """
+        with self._edit():
+            write_class(self._scene, self._positive(id_), begun_anew(self._class(id_)))
 
     def _grow(self, id_: str, points_ras: Mapping[str, np.ndarray]) -> None:
         state = self._class(id_)

@@ -109,6 +109,11 @@ def without_points(original: ClassState) -> ClassState:
     return ClassState(new_class_id(), original.name, look, proximity=original.proximity, refine=original.refine)
 
 
+def begun_anew(original: ClassState) -> ClassState:
+    """The same class before anything was clicked."""
+    return replace(without_points(original), id=original.id, look=original.look, continues=original.continues)
+
+
 def new_class_id() -> str:
     """An id that no other class has, in any scene."""
     return uuid.uuid4().hex[:12]

@@ -12,6 +12,7 @@ import pytest
 import vtk
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.scene.classes.class_state import ClassState
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.scenes import annotate
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
@@ -50,6 +51,21 @@ def test_the_point_placed_last_is_removed_first_whatever_its_polarity(session: S
     session.annotations.remove_last_point(state.id)
     assert (session.classes[0].positive, session.classes[0].negative) == ((), ())
     assert session.take_error() is None
+
+
+def test_a_structure_is_begun_anew_with_its_name_and_look_in_one_step(session: SceneSession, spheres: Spheres) -> None:
+    annotations = session.annotations
+    other, state = annotations.add_class("liver"), annotations.add_class("spleen", (0.1, 0.2, 0.3))
+    for id_ in (other.id, state.id):
+        annotations.add_points(id_, centre_ras(spheres, 1), positive=True)
+        annotations.add_points(id_, centre_ras(spheres, 3), positive=False)
+    annotations.set_class(state.id, size=1.0, proximity=0.5, opacity=0.5, close_up=(0.0, 0.0, 0.0, 40.0, 40.0, 40.0))
+    before = session.classes
+    annotations.remove_points(state.id)
+    look = before[1].look
+    assert session.classes == (before[0], ClassState(state.id, "spleen", look, proximity=0.5))
+    annotations.undo()
+    assert session.classes == before
 
 
 def test_points_are_removed_in_the_reverse_of_the_order_in_which_they_were_placed(
