@@ -9,6 +9,7 @@ import qt
 from ViTTransferFunction.Logic.scene.interface.wording import closer_look_text
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section
+from ViTTransferFunction.Widget.sight import bring_into_sight, scroll_area_of
 
 
 class CloseUpControls(Section):
@@ -17,7 +18,7 @@ class CloseUpControls(Section):
     def __init__(self, ui: Any, report: Report) -> None:
         super().__init__(ui, report)
         self._progress = ProgressRow(ui, "closeUp")
-        self._suggested = False
+        self._suggested = self._tells = False
         ui.lookCloserButton.clicked.connect(self.look_closer)
         ui.lookAtWholeButton.clicked.connect(self.look_at_whole)
         self._progress.cancel_button.clicked.connect(self._on_cancel)
@@ -33,7 +34,22 @@ class CloseUpControls(Section):
         reason = None if session is None or selected is None else session.close_up_hints.of(selected)
         # In a close-up, what is said is why there is one.
         self._suggest(closer_look_text(reason), press=not ui.lookAtWholeButton.enabled)
-        self._progress.show(session.progress if session is not None and session.looks_closer else None)
+        looks_closer = session is not None and session.looks_closer
+        self._progress.show(session.progress if session is not None and looks_closer else None)
+        tells, self._tells = self._tells, bool(reason) or looks_closer
+        if self._tells and not tells:
+            self._bring_into_sight()
+
+    def _bring_into_sight(self) -> None:
+        """Show what is told of a closer look to who works in the views.
+
+        On a small screen, it lies below what the panel shows, and nothing would seem to be said, or to happen.
+        """
+        ui = self.ui
+        hint, area = ui.closeUpHintLabel, scroll_area_of(ui.lookCloserButton)
+        if area is not None and not area.underMouse():
+            lines = ui.closeUpLabel.sizeHint.height() + max(hint.heightForWidth(hint.parent().width), hint.sizeHint.height())
+            bring_into_sight(ui.lookCloserButton, ui.lookCloserButton.height + lines + ui.closeUpProgressRow.sizeHint.height())
 
     def _suggest(self, words: str, press: bool) -> None:
         """Say why a closer look helps, or say nothing (""): a line below *Look closer*, and nothing that has to be closed.

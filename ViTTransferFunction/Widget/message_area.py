@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import qt
-
 from ViTTransferFunction.Logic.scene.interface.messages import Messages
+from ViTTransferFunction.Widget.sight import bring_into_sight
 from ViTTransferFunction.Widget.wording import breakable
 
 
@@ -32,13 +31,7 @@ class MessageArea:
 
     def bring_into_sight(self) -> None:
         """Have the panel show them: they are at its top, and it may be scrolled down to the button that was pressed."""
-        area = panel = self._frame.parent()
-        while area is not None and not area.inherits("QScrollArea"):
-            area = area.parent()
-        if area is not None:
-            # Of the panel, not of the frame, which Qt has not given its place yet.
-            top = panel.mapTo(area.widget(), qt.QPoint(0, 0)).y()
-            area.ensureVisible(0, top, 0, self._frame.sizeHint.height())
+        bring_into_sight(self._frame.parent(), self._frame.sizeHint.height())
 
     def try_again(self, about: str) -> None:
         """Forget why something was not done that is tried once more."""

@@ -14,14 +14,14 @@ import slicer
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QPalette
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QScrollArea
 
 from ViTTransferFunction.Logic.core.classes import close_up_choice
 from ViTTransferFunction.Logic.core.system.progress import WorkProgress
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.known_features import GRID
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
-from ViTTransferFunction.Testing.support.standin.host import Host
+from ViTTransferFunction.Testing.support.standin.host import PANEL_WIDTH, Host
 from ViTTransferFunction.Testing.support.widgets import add_class, place, wait_until
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
@@ -226,6 +226,32 @@ def test_how_far_a_closer_look_is_shows_below_its_button_and_can_be_stopped_ther
     monkeypatch.setattr(SceneSession, "looks_closer", False)
     clicked.panel.refresh()
     assert (ui.closeUpProgressRow.isHidden(), ui.segmentationProgressRow.isHidden()) == (True, False)
+
+
+@pytest.mark.parametrize("told", ["closeUpHintLabel", "closeUpProgressRow"])
+def test_on_a_small_screen_what_is_told_of_closer_looks_comes_into_sight_but_not_under_the_mouse(
+    clicked: Any, host: Host, monkeypatch: pytest.MonkeyPatch, told: str
+) -> None:
+    session, label = clicked.panel.session, getattr(clicked.ui, told)
+    host.window.resize(PANEL_WIDTH, 400)
+    area = host.window.centralWidget()
+    assert isinstance(area, QScrollArea)
+
+    def tell(is_told: bool) -> None:
+        if told == "closeUpHintLabel":
+            monkeypatch.setattr(session.close_up_hints, "of", lambda state: "large corrections" if is_told else None)
+        else:
+            monkeypatch.setattr(SceneSession, "looks_closer", is_told)
+            monkeypatch.setattr(SceneSession, "progress", WorkProgress(1, 4, "Looking closer at sphere", None))
+        clicked.panel.refresh()
+        QApplication.processEvents()
+
+    for is_in_panel in (True, False):
+        tell(False)
+        area.verticalScrollBar().setValue(0)
+        area.setAttribute(Qt.WidgetAttribute.WA_UnderMouse, is_in_panel)
+        tell(True)
+        assert label.visibleRegion().isEmpty() == is_in_panel
 
 
 def test_a_box_that_could_not_be_looked_at_is_not_said_to_be(clicked: Any, monkeypatch: pytest.MonkeyPatch) -> None:
