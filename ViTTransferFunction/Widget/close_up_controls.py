@@ -36,8 +36,8 @@ class CloseUpControls(Section):
         self._suggest(closer_look_text(reason), press=not ui.lookAtWholeButton.enabled)
         looks_closer = session is not None and session.looks_closer
         self._progress.show(session.progress if session is not None and looks_closer else None)
-        tells, self._tells = self._tells, bool(reason) or looks_closer
-        if self._tells and not tells:
+        told, self._tells = self._tells, bool(reason) or looks_closer
+        if self._tells and not told:
             self._bring_into_sight()
 
     def _bring_into_sight(self) -> None:
