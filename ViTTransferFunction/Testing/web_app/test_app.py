@@ -34,7 +34,6 @@ from ViTTransferFunction.Logic.core.volumes.missing_intensity import without_int
 from ViTTransferFunction.Logic.core.volumes.patient_sides import position_text, sides
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.scene.mrml.transforms import numpy_matrix
-from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import array_from_node, geometry_from_node
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.Testing.files.test_several_series import write_two
@@ -42,7 +41,7 @@ from ViTTransferFunction.Testing.support.spheres import Spheres
 from ViTTransferFunction.Testing.support.views import drag
 from ViTTransferFunction.Testing.web_app.test_saving import until
 from ViTTransferFunction.WebApp import app as app_module
-from ViTTransferFunction.WebApp import opening, packing, scene_files, serving
+from ViTTransferFunction.WebApp import opening, packing, panel_state, scene_files, serving
 from ViTTransferFunction.WebApp.app import WebApp
 from ViTTransferFunction.WebApp.data_probe import probe_text
 from ViTTransferFunction.WebApp.panel_state import color_of_hex
@@ -839,14 +838,13 @@ def test_what_a_file_that_is_opened_raises_is_told_on_the_page(
     assert [str(record.exc_info[1]) for record in caplog.records if record.exc_info] == ["shapes do not fit"]
 
 
-def test_the_page_knows_whether_coarse_features_answer_points(
+def test_the_page_says_what_points_lack_without_features(
     opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def journey(app: WebApp) -> None:
-        app.actions("addClass")
-        assert not app.server.state.answered
-        monkeypatch.setattr(SceneSession, "chosen_iso", lambda self, id_: 0.5)
+        assert app.server.state.missing == ""
+        monkeypatch.setattr(panel_state, "missing_text", lambda session: "Points wait.")
         app.refresh()
-        assert (app.server.state.phase, app.server.state.answered) == ("no features", True)
+        assert app.server.state.missing == "Points wait."
 
     opened(journey)
