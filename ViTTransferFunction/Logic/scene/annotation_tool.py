@@ -125,10 +125,13 @@ class AnnotationTool:
         if self.tool in ("pointOn", "pointOff"):
             self._free_mouse.stop()
             self._place_mode.start(self.session.annotations.points_node(selected.id, self.tool == "pointOn"))
-            self._on_changed()
-            return
-        self._place_mode.stop()
-        self._free_mouse.start()
+        else:
+            self._place_mode.stop()
+            self._free_mouse.start()
+            self._use_in_slices()
+        self._on_changed()
+
+    def _use_in_slices(self) -> None:
         if self.tool in _SHAPES:
             shape, inside = _SHAPES[self.tool]
             color = INSIDE_COLOR if inside else OUTSIDE_COLOR
@@ -145,7 +148,6 @@ class AnnotationTool:
             else:
                 # Points that are as far apart as the circle is wide.
                 self._use_strokes(size_mm, size_mm / 2, self._paint)
-        self._on_changed()
 
     def _use_strokes(self, step_mm: float, radius_mm: float, on_point: Callable[[np.ndarray, bool], None]) -> None:
         self._slice_tools.start(lambda interactor, node, draw: StrokeTool(interactor, node, draw, step_mm, radius_mm, on_point))
