@@ -107,7 +107,7 @@ class Markups(NamedTuple):
     """What markups stand for, RAS millimetres.
 
     Attributes:
-        inside: points (N, 3).
+        inside: points (N, 3); of what was drawn, those in the volume.
         outside: points (M, 3), beyond the ends of lines, which are diameters of what they are about, and around closed curves,
             which are outlines.
         outline: (P, 3), where a single closed curve is all there is.
@@ -118,15 +118,15 @@ class Markups(NamedTuple):
     outline: np.ndarray | None = None
 
 
-def read_markups(path: Path, scale: float) -> Markups:
+def read_markups(path: Path, geometry: Geometry) -> Markups:
     """What a Slicer markups file (`.mrk.json`) gives: only control points that were placed count.
 
     Args:
         path: of the file.
-        scale: of lengths that are meant for bodies (`body_scale`), in the volume that they were drawn in.
+        geometry: of the volume that they were drawn in.
 
     Raises:
-        InputError: unreadable, not a markups file, or of boxes or planes.
+        InputError: unreadable, not a markups file, of boxes or planes, or no part of a line or a curve lies in the volume.
     """
     _check_is_no_older_list(path)
     content = read_json(path)
@@ -136,7 +136,7 @@ def read_markups(path: Path, scale: float) -> Markups:
         )
     try:
         _check_points(content["markups"], path)
-        lists = [_points_of(markup, path, scale) for markup in content["markups"]]
+        lists = [_points_of(markup, path, geometry) for markup in content["markups"]]
     except (LookupError, TypeError, AttributeError) as error:
         raise InputError(
             f"{path} is not a Slicer markups file (.mrk.json), which has control points with their positions under 'markups'. "
@@ -156,7 +156,7 @@ def _check_is_no_older_list(path: Path) -> None:
         )
 
 
-def _points_of(markup: dict[str, Any], path: Path, scale: float) -> Markups:
+def _points_of(markup: dict[str, Any], path: Path, geometry: Geometry) -> Markups:
     points = as_points(_placed(markup["controlPoints"]), f"points of {path}")
     points_ras = transform_points(_markups_to_ras(markup, path), points)
     kind, count = markup.get("type"), len(points_ras)
@@ -168,13 +168,21 @@ def _points_of(markup: dict[str, Any], path: Path, scale: float) -> Markups:
         )
     try:
         if kind == _LINE:
-            return Markups(*points_of_diameter(points_ras, scale))
+            return _within(Markups(*points_of_diameter(points_ras, geometry.body_scale)), geometry, "line")
         if kind == _CURVE:
             outline = closed_curve_through(points_ras)
-            return Markups(*points_of_outline(outline, scale), outline)
+            return _within(Markups(*points_of_outline(outline, geometry.body_scale), outline), geometry, "curve")
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     return Markups(points_ras, no_points())
+
+
+def _within(drawn: Markups, geometry: Geometry, what: str) -> Markups:
+    """Without the points inside that the volume cuts off: a structure that it cuts is drawn around as a whole."""
+    inside = drawn.inside[geometry.contains(drawn.inside)]
+    if not len(inside):
+        raise InputError(f"No part of the {what} lies in the volume. Draw it on the volume that is segmented.")
+    return drawn._replace(inside=inside)
 
 
 def _check_points(markups: list[dict[str, Any]], path: Path) -> None:
@@ -212,15 +220,15 @@ def classes_from_markups(positive: dict[str, Path], negative: dict[str, Path], g
         raise InputError(f"There are negative points for '{strangers[0]}' but no positive ones; give both for the class.")
     classes = []
     for index, (name, path) in enumerate(positive.items()):
-        inside, beyond, outline = read_markups(path, geometry.body_scale)
-        off = _read_negative(negative[name], geometry.body_scale) if name in negative else no_points()
+        inside, beyond, outline = read_markups(path, geometry)
+        off = _read_negative(negative[name], geometry) if name in negative else no_points()
         outside = np.concatenate([off, beyond[geometry.contains(beyond)]])
         classes.append(AnnotatedClass(ClassRequest(name, inside, outside), default_color(index), outline_ras=outline))
     return classes
 
 
-def _read_negative(path: Path, scale: float) -> np.ndarray:
-    points, beyond, _ = read_markups(path, scale)
+def _read_negative(path: Path, geometry: Geometry) -> np.ndarray:
+    points, beyond, _ = read_markups(path, geometry)
     if len(beyond):
         raise InputError(
             f"{path} holds a line or a closed curve, which is the diameter or the outline of a structure; expected a point "

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
-from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest, check_inside
 from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
 from ViTTransferFunction.Logic.core.classes.diameter_points import points_of_diameter
 from ViTTransferFunction.Logic.core.classes.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
@@ -249,7 +249,7 @@ def test_broken_json_and_a_missing_file_are_refused(tmp_path: Path) -> None:
 
 def test_an_annotation_file_in_place_of_a_point_list_is_told_where_it_goes(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"takes it by --annotations a\.json"):
-        read_markups(write(tmp_path / "a.json", {"coordinate_system": "RAS", "classes": []}), 1.0)
+        read_markups(write(tmp_path / "a.json", {"coordinate_system": "RAS", "classes": []}), GEOMETRY)
 
 
 def test_an_image_in_place_of_points_is_called_one(tmp_path: Path) -> None:
@@ -327,9 +327,9 @@ def test_slicer_point_lists_give_their_placed_points_in_ras(tmp_path: Path) -> N
         {"position": [9.0, 9.0, 9.0], "positionStatus": "preview"},
     ]
     lps = write(tmp_path / "lps.mrk.json", markups(points, coordinateSystem="LPS"))
-    np.testing.assert_array_equal(read_markups(lps, 1.0)[0], [[1.0, 2.0, 3.0]])
+    np.testing.assert_array_equal(read_markups(lps, GEOMETRY)[0], [[1.0, 2.0, 3.0]])
     ras = write(tmp_path / "ras.mrk.json", markups([{"position": [1.0, 2.0, 3.0]}], coordinateSystem="RAS"))
-    np.testing.assert_array_equal(read_markups(ras, 1.0)[0], [[1.0, 2.0, 3.0]])
+    np.testing.assert_array_equal(read_markups(ras, GEOMETRY)[0], [[1.0, 2.0, 3.0]])
 
 
 def test_classes_from_point_lists_join_polarities_by_name(tmp_path: Path) -> None:
@@ -364,9 +364,9 @@ def test_what_lies_beyond_a_line_and_the_volume_is_left_out(tmp_path: Path) -> N
 def test_half_a_line_and_a_line_off_a_structure_are_refused(tmp_path: Path) -> None:
     ends = GEOMETRY.ijk_to_ras_points(np.array([[10.0, 15.0, 10.0], [30.0, 15.0, 10.0]]))
     with pytest.raises(InputError, match=r"line\.mrk\.json holds a line with 1 of its ends placed; expected 2\."):
-        read_markups(line(tmp_path, ends[0]), 1.0)
+        read_markups(line(tmp_path, ends[0]), GEOMETRY)
     with pytest.raises(InputError, match=r"line\.mrk\.json: The diameter is 0 mm long"):
-        read_markups(line(tmp_path, ends[0], ends[0]), 1.0)
+        read_markups(line(tmp_path, ends[0], ends[0]), GEOMETRY)
     path = line(tmp_path, *ends)
     with pytest.raises(InputError, match=r"holds a line or a closed curve, .* Give it by --positive"):
         classes_from_markups({"lesion": path}, {"lesion": path}, GEOMETRY)
@@ -379,10 +379,10 @@ def test_a_line_off_a_structure_is_refused_as_such_in_small_specimens_too(tmp_pa
         classes_from_markups({"lesion": path}, {"lesion": path}, specimen)
 
 
-def curve(tmp_path: Path, radius: float, count: int) -> tuple[Path, np.ndarray]:
+def curve(tmp_path: Path, radius: float, count: int, middle_i: float = 20.0) -> tuple[Path, np.ndarray]:
     """A circle in a slice, and so many points on it in a file."""
     angles = np.linspace(0.0, 2.0 * np.pi, 120, endpoint=False)
-    circle = np.stack([20.0 + radius * np.cos(angles), 16.0 + radius * np.sin(angles), np.full(120, 10.0)], axis=1)
+    circle = np.stack([middle_i + radius * np.cos(angles), 16.0 + radius * np.sin(angles), np.full(120, 10.0)], axis=1)
     points = GEOMETRY.ijk_to_ras_points(circle[:: 120 // count])
     content = markups([{"position": point.tolist()} for point in points], coordinateSystem="RAS", type="ClosedCurve")
     return write(tmp_path / "curve.mrk.json", content), GEOMETRY.ijk_to_ras_points(circle)
@@ -402,9 +402,25 @@ def test_a_closed_curve_around_a_structure_is_its_outline(tmp_path: Path) -> Non
         assert far[0] == pytest.approx(far[1], rel=0.02)
 
 
+def test_what_is_drawn_around_a_structure_that_the_volume_cuts_counts_as_far_as_the_volume_goes(tmp_path: Path) -> None:
+    path, circle = curve(tmp_path, 8.0, 6, middle_i=0.0)
+    (found,) = classes_from_markups({"lesion": path}, {}, GEOMETRY)
+    inside, _ = points_of_outline(circle, 1.0)
+    assert 0 < len(found.request.positive) < len(inside)
+    check_inside([found.request], GEOMETRY)
+    ends = GEOMETRY.ijk_to_ras_points(np.array([[-8.0, 15.0, 10.0], [12.0, 15.0, 10.0]]))
+    (found,) = classes_from_markups({"lesion": line(tmp_path, *ends)}, {}, GEOMETRY)
+    check_inside([found.request], GEOMETRY)
+
+
+def test_what_is_drawn_on_another_volume_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"curve\.mrk\.json: No part of the curve lies in the volume\."):
+        classes_from_markups({"lesion": curve(tmp_path, 8.0, 6, middle_i=-100.0)[0]}, {}, GEOMETRY)
+
+
 def test_a_curve_of_two_points_and_one_off_a_structure_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"curve\.mrk\.json holds a closed curve with 2 points placed; expected 3 or more\."):
-        read_markups(curve(tmp_path, 8.0, 2)[0], 1.0)
+        read_markups(curve(tmp_path, 8.0, 2)[0], GEOMETRY)
     path, _ = curve(tmp_path, 8.0, 6)
     with pytest.raises(InputError, match=r"holds a line or a closed curve, .* Give it by --positive"):
         classes_from_markups({"lesion": path}, {"lesion": path}, GEOMETRY)
@@ -414,10 +430,10 @@ def test_a_curve_of_two_points_and_one_off_a_structure_are_refused(tmp_path: Pat
 def test_what_encloses_a_structure_is_not_taken_for_points_on_it(tmp_path: Path, kind: str) -> None:
     path = write(tmp_path / "l.mrk.json", markups([{"position": [-1.0, -2.0, 3.0]}], type=kind))
     if kind in ("Fiducial", "Curve"):
-        np.testing.assert_array_equal(read_markups(path, 1.0)[0], [[1.0, 2.0, 3.0]])
+        np.testing.assert_array_equal(read_markups(path, GEOMETRY)[0], [[1.0, 2.0, 3.0]])
     else:
         with pytest.raises(InputError, match=f"markups of the type {kind}, .* expected a point list, a line"):
-            read_markups(path, 1.0)
+            read_markups(path, GEOMETRY)
 
 
 @pytest.mark.parametrize(
@@ -444,7 +460,7 @@ def test_what_encloses_a_structure_is_not_taken_for_points_on_it(tmp_path: Path,
 )
 def test_what_is_no_point_list_is_refused(tmp_path: Path, content: Any) -> None:
     with pytest.raises(InputError, match=r"not a Slicer markups file|not a list of finite|unknown coordinate system"):
-        read_markups(write(tmp_path / "l.mrk.json", content), 1.0)
+        read_markups(write(tmp_path / "l.mrk.json", content), GEOMETRY)
 
 
 def test_a_point_list_in_place_of_annotations_is_told_where_it_goes(tmp_path: Path) -> None:
@@ -456,7 +472,7 @@ def test_a_point_list_in_place_of_annotations_is_told_where_it_goes(tmp_path: Pa
 def test_a_point_list_of_an_older_slicer_is_told_how_to_become_one_of_today(tmp_path: Path) -> None:
     (tmp_path / "F.fcsv").write_text("# Markups fiducial file version = 4.11\n")
     with pytest.raises(InputError, match=r"save it as \.mrk\.json"):
-        read_markups(tmp_path / "F.fcsv", 1.0)
+        read_markups(tmp_path / "F.fcsv", GEOMETRY)
     with pytest.raises(InputError, match=r"save it as \.mrk\.json, which `vittf segment` takes by --positive"):
         read_annotations(tmp_path / "F.fcsv", GEOMETRY)
 
@@ -464,11 +480,11 @@ def test_a_point_list_of_an_older_slicer_is_told_how_to_become_one_of_today(tmp_
 @pytest.mark.parametrize("units", ["mm", ["mm", "UCUM", "millimeter"], "", None])
 def test_a_point_list_in_millimetres_is_read_however_it_says_so(tmp_path: Path, units: Any) -> None:
     points = markups([{"position": [-1.0, -2.0, 3.0]}], coordinateUnits=units)
-    np.testing.assert_array_equal(read_markups(write(tmp_path / "l.mrk.json", points), 1.0)[0], [[1.0, 2.0, 3.0]])
+    np.testing.assert_array_equal(read_markups(write(tmp_path / "l.mrk.json", points), GEOMETRY)[0], [[1.0, 2.0, 3.0]])
 
 
 @pytest.mark.parametrize("units", ["um", ["um", "UCUM", "micrometer"], "cm", 5])
 def test_a_point_list_in_another_unit_is_refused(tmp_path: Path, units: Any) -> None:
     path = write(tmp_path / "l.mrk.json", markups([{"position": [1.0, 2.0, 3.0]}], coordinateUnits=units))
     with pytest.raises(InputError, match=r"gives its positions in the unit .*; expected millimetres"):
-        read_markups(path, 1.0)
+        read_markups(path, GEOMETRY)
