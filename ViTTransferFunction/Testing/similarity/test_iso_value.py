@@ -34,6 +34,11 @@ def test_the_refined_prior_follows_the_map_half_way_down(at_refined: float, shar
     assert refined_prior(0.2, np.full((3, 1), 0.8), np.full(3, at_refined)) == pytest.approx(0.2 * share)
 
 
+def test_proposals_are_multiples_of_the_chosen_iso_value() -> None:
+    proposals = proposals_around(0.2, np.full(3, 0.9))
+    assert (proposals.smaller, proposals.chosen, proposals.larger) == pytest.approx((0.34, 0.2, 0.06))
+
+
 def test_the_smaller_proposal_keeps_the_points_and_no_step_is_empty() -> None:
     proposals = proposals_around(0.4, np.array([0.5, 0.5, 0.9]))
     assert proposals.smaller == pytest.approx(0.475)

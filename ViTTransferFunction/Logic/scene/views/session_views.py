@@ -31,7 +31,7 @@ from ..mrml.transforms import matrix_to_world
 from .context import OFF, context_names, named_surroundings
 from .contours import ShownMap
 from .display import SceneDisplay
-from .proposal_outlines import Proposals
+from .proposal_outlines import MOST_AMBIGUOUS_POINTS, Proposals
 from .rendering_cut import shown_cut
 
 
@@ -201,12 +201,14 @@ class SessionViews:
         return named_surroundings(self._app_logic, name, strength, cut_away, self._proxy.rendering)
 
     def _other_proposals(self, selected: ClassState | None, requests: ClassRequests) -> Proposals | None:
-        """What the selected class might be instead; None where nobody wants to know, or the user fixed its iso value."""
+        """What else the selected class might be; None where nobody wants to know, or its points or its user say what it is."""
         maps = self._proxy.low_maps
         if selected is None or not selected.visible or not self._parameters.get("proposalsVisible"):
             return None
         request = requests.of(selected.id)
         if selected.id not in maps or request is None or maps[selected.id].proposals is None:
+            return None
+        if not selected.size and len(request.positive) + len(request.negative) > MOST_AMBIGUOUS_POINTS:
             return None
         others = tuple(class_map for id_, class_map in maps.items() if id_ != selected.id)
         only_annotated = self._parameters.refinement().only_annotated_components

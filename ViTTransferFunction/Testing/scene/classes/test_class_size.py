@@ -13,6 +13,7 @@ from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.scene.classes.class_size import stepped, turned
 from ViTTransferFunction.Logic.scene.classes.class_state import ClassState
 from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Logic.scene.views import proposal_outlines
 from ViTTransferFunction.Logic.scene.views.proposal_outlines import STYLE
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, open_spheres, put_under
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
@@ -172,6 +173,23 @@ def test_other_sizes_are_outlined_while_there_are_any_and_the_user_wants_to_see_
         assert outlines_are_seen(session)
     session.parameters.set("proposalsVisible", False)
     assert not outlines_are_seen(session)
+
+
+def test_other_sizes_are_outlined_as_long_as_the_points_leave_open_what_is_meant(
+    on_spheres: tuple[SceneSession, str], spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session, id_ = on_spheres
+    # All that is larger or smaller counts, so that there are others.
+    monkeypatch.setattr(proposal_outlines, "LEAST_DIFFERENCE", 0.0)
+    session.annotations.add_points(id_, centre_ras(spheres, 1) + 3.0, positive=True)
+    assert outlines_are_seen(session)
+    session.annotations.add_points(id_, centre_ras(spheres, 3), positive=False)
+    assert not outlines_are_seen(session)
+    session.annotations.set_class(id_, size=0.5)
+    assert outlines_are_seen(session)
+    session.annotations.undo()
+    session.annotations.undo()
+    assert outlines_are_seen(session)
 
 
 def test_a_structure_is_pointed_at_where_its_volume_was_moved_to(
