@@ -97,6 +97,8 @@ class KernelRows:
         for gone in self._slot_of_key.keys() - set(keys):
             del self._slot_of_key[gone], self._added_of_key[gone]
         taken = set(self._slot_of_key.values())
+        # A stroke of hundreds of points that was undone would keep half a gigabyte.
+        del self._rooms[max(taken, default=-1) // POINTS_OF_ROOM + 1 :]
         for index, key in enumerate(keys):
             if key not in self._slot_of_key:
                 # The first that is free: what stands before any that is in use was written, if only by a point that is gone.

@@ -75,6 +75,15 @@ def test_a_point_that_comes_again_has_nothing_added() -> None:
     assert rows.added([b"\x00"]).tolist() == [0.0]
 
 
+def test_memory_of_points_that_are_gone_is_given_back_but_for_what_holds_another() -> None:
+    rows, _, each = random_rows(5, 2 * POINTS_OF_ROOM + 1)
+    for left, rooms in (([0, POINTS_OF_ROOM], 2), ([0], 1), ([], 0)):
+        indices = rows.indices([bytes([number]) for number in left], lambda _, row: row)
+        assert rows.count == 2 * POINTS_OF_ROOM * rooms
+        own = rows.weighted(np.eye(rows.count, dtype=np.float32)[indices.ravel()])
+        np.testing.assert_array_equal(own, each[left].reshape(-1, 5))
+
+
 @pytest.mark.parametrize("used", [[], [0], [63], [0, 1, 2, 4, 7, 20, 63, 64, 69], range(70)])
 def test_rows_that_do_not_count_are_in_no_sum_wherever_they_are(used: Sequence[int]) -> None:
     rows, indices, each = random_rows(40, 70)
