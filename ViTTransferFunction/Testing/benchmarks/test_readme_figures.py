@@ -97,6 +97,25 @@ CLOSE_UPS = {"amos_0336 all": "AMOS 336", "brain 20": "brain", "torso_small all"
 SMALL_STRUCTURES = CLOSE_UPS | {"lung cancer CT": "lung cancer CT", "lung nodule CT": "lung nodule", "all": "all"}
 """What the scans are called where closer looks are measured, and in the results."""
 PRESETS = {"*balanced*": "accuracy", "*fine*": "accuracy_fine"}
+REFINEMENTS = {
+    "solver, default": ("bilateral (default)", "bilateral, not settled"),
+    "guided filter": ("guided", "guided, not settled"),
+    "trilinear interpolation": ("", "trilinear"),
+    "solver with the published parameters": ("", "bilateral as published"),
+}
+"""METHOD's rows of refinement, and in the results the candidates whose surfaces have settled and have not; "" for none."""
+TUNED_ON = ("amos_0336", "torso_small", "brain")
+SPOILED = {
+    "three scans, in rounds": ("accuracy", TUNED_ON),
+    "chest, in rounds": ("accuracy", ("chest",)),
+    "five [other scans](#how-accurate-is-it-on-other-scans), in rounds": (
+        "accuracy",
+        ("abdomen MR", "aortic dissection", "brain tumour 1", "brain tumour 2", "breast tumour"),
+    ),
+    "all cases of `bench accuracy` together, changed scans and single structures too, in rounds": ("accuracy", ()),
+    "twelve [scans not looked at before](#how-accurate-is-it-on-scans-not-looked-at-before), in rounds": ("own_scans", ()),
+}
+"""RESULTS' rows of what one more click spoils, and the results and cases that they are of; () for all."""
 CLICKS = ("1", "3", "5")
 
 
@@ -129,6 +148,10 @@ def one_line(document: str) -> str:
 
 def figure(mean: float, spread: float | None, *, digits: int = 2) -> str:
     return f"{mean:.{digits}f}" if spread is None else f"{mean:.{digits}f} ± {spread:.{digits}f}"
+
+
+def listed(figures: list[str]) -> str:
+    return f"{', '.join(figures[:-1])} and {figures[-1]}"
 
 
 def test_readme_has_the_accuracy_that_was_measured_last() -> None:
@@ -180,8 +203,7 @@ def test_method_has_what_eq_1_and_the_guided_filter_were_measured_to_have_last()
     measured = summary("accuracy")["methods"]
 
     def three(method: str) -> str:
-        scans = ("amos_0336", "torso_small", "brain")
-        return ", ".join(figure(measured[scan][method]["5"][0], None, digits=3) for scan in scans)
+        return ", ".join(figure(measured[scan][method]["5"][0], None, digits=3) for scan in TUNED_ON)
 
     raw, whitened = three("Eq. 1, raw features"), three("Eq. 1, whitened features")
     text = one_line("docs/METHOD.md")
@@ -241,10 +263,6 @@ def test_readme_and_results_have_the_means_of_the_scans_of_other_kinds() -> None
     cases = summary("other_kinds/own_scans")["cases"]
     readme, results = one_line("README.md"), one_line("docs/RESULTS.md")
     scans, others = ([cases[name] for name in cases if (name in NO_CT_NOR_MR) == other] for other in (False, True))
-
-    def listed(figures: list[str]) -> str:
-        return f"{', '.join(figures[:-1])} and {figures[-1]}"
-
     assert f"eleven CTs and MRs is {listed(means(scans, '12345'))} after one to five clicks" in results
     assert f"the four others is {listed(means(others, '12345'))}." in results
     assert f"it is {listed(means(scans, '135'))}, on PET, SPECT and ultrasound {listed(means(others, '135'))}." in results
@@ -293,6 +311,58 @@ def test_readme_has_what_a_first_gesture_is_worth() -> None:
         assert figures == [figure(mean, None) for mean in means], name
 
 
+def test_method_has_what_a_first_gesture_is_worth() -> None:
+    of_ways = summary("gestures")["mean"]
+    clicks, diameter, outline = (
+        listed([figure(of_ways[way][count], None) for count in ("1", "2", "3", "5")])
+        for way in ("clicks", "diameter", "outline")
+    )
+    assert (
+        f"outlines lead to a mean Dice of {outline} after one, two, three and five gestures, diameters to {diameter}, "
+        f"and clicks alone to {clicks} ("
+    ) in one_line("docs/METHOD.md")
+
+
+def test_results_say_on_how_many_scans_an_outline_is_ahead() -> None:
+    firsts = [{way: of_case[way]["1"] for way in BEGUN_WITH.values()} for of_case in summary("gestures")["cases"].values()]
+    clicks, diameters = (sum(first["outline"][0] > first[way][0] for first in firsts) for way in ("clicks", "diameter"))
+    closer = sum(first["outline"][1] < first["clicks"][1] for first in firsts)
+    text = one_line("docs/RESULTS.md")
+    assert f"An outline is ahead of a click @1 on {clicks} of the {len(firsts)}," in text
+    assert f"It is ahead of a diameter @1 on {diameters}," in text
+    assert f"The spread between paths @1 is smaller than with clicks on {closer}," in text
+
+
+def test_method_has_what_refinement_was_measured_to_be_worth_last() -> None:
+    measured = summary("refinement")
+
+    def of_scans(candidate: str) -> str:
+        return ", ".join(figure(measured[candidate][scan]["dice"], None, digits=3) for scan in TUNED_ON)
+
+    rows = list(rows_of("docs/METHOD.md", "| refinement | surfaces settled | before surfaces settle |"))
+    assert {name for name, *_ in rows} == REFINEMENTS.keys()
+    for name, *cells in rows:
+        assert cells == [of_scans(candidate) if candidate else "" for candidate in REFINEMENTS[name]], name
+    without, with_it = of_scans("bilateral, no likelihood"), of_scans("bilateral (default)")
+    assert f"surfaces settled: {without} without, and {with_it} with it." in one_line("docs/METHOD.md")
+
+
+def test_results_have_what_one_more_click_was_measured_to_spoil_last() -> None:
+    told = {
+        name: cells for name, *cells in rows_of("docs/RESULTS.md", "| clicks | number | lose more than 0.02 | worst loss |")
+    }
+    for name, (results, cases) in SPOILED.items():
+        of_cases = summary(results)["click_changes"]["in_rounds"]
+        changes = [of_cases[case] for case in cases or of_cases if of_cases[case]]
+        count, worst = sum(of["count"] for of in changes), min(of["worst"]["change"] for of in changes)
+        losing = 100.0 * sum(of["count"] * (1.0 - of["unhurt"]) for of in changes) / count
+        number, percent, loss = told[name]
+        share = percent.removesuffix(" %")
+        assert number == str(count), name
+        assert abs(float(share) - losing) <= 0.501 * 10.0 ** -len(share.partition(".")[2]), name
+        assert loss.startswith(f"{-worst:.2f},"), name
+
+
 def three(of_clicks: dict[str, Any]) -> str:
     """The means after so many clicks, as a cell of RESULTS has them."""
     means = (value[0] if isinstance(value, list) else value for value in of_clicks.values())
@@ -336,6 +406,58 @@ def test_readme_has_what_a_closer_look_that_begins_by_itself_is_worth() -> None:
         f"For {len(begins)} such outlines of {len(structures)} structures the mean Dice is {after['1']:.2f} instead of "
         f"{before['1']:.2f}, and after two clicks more {after['3']:.2f} instead of {before['3']:.2f}"
     ) in text
+
+
+def test_readme_has_what_single_structures_gain_by_a_closer_look() -> None:
+    runs = json.loads((ROOT / "Benchmarks/results/small_structures.json").read_text(encoding="utf-8"))["runs"]
+
+    def after_the_outline(structure: str, way: str) -> str:
+        of_way = [
+            run[way]["1"]
+            for run in runs
+            if (run["slice"], run["structure"]) == ("much", structure) and run["agreement"] < LEAST_AGREEMENT
+        ]
+        return figure(sum(of_way) / len(of_way), None)
+
+    (gallbladder, before), (gland, flooded) = (
+        (after_the_outline(structure, "looked at closely"), after_the_outline(structure, "whole scan"))
+        for structure in ("gallbladder", "left adrenal gland")
+    )
+    of_all = summary("close_up")["amos_0336 all"]["all"]
+    closely, whole = (figure(of_all[way]["5"][0], None) for way in ("with close-ups", "whole"))
+    text = one_line("README.md")
+    assert (
+        f"a gallbladder has {gallbladder} instead of {before} at once, a left adrenal gland {gland} instead of {flooded}"
+        in text
+    )
+    assert f"the mean Dice after five clicks each is {closely} instead of {whole}" in text
+
+
+@pytest.mark.parametrize(
+    ("document", "sentence", "begins"),
+    [
+        ("docs/METHOD.md", r"a box would make it worse at first \((.*?)\)", False),
+        ("docs/RESULTS.md", r"some are worse at first \((.*?)\)", True),
+    ],
+)
+def test_what_a_closer_look_makes_worse_at_first_was_measured_so(document: str, sentence: str, begins: bool) -> None:
+    runs = json.loads((ROOT / "Benchmarks/results/small_structures.json").read_text(encoding="utf-8"))["runs"]
+    measured = {
+        f"{run['whole scan']['1']:.2f} → {run['looked at closely']['1']:.2f}"
+        for run in runs
+        if (run["agreement"] < LEAST_AGREEMENT) == begins
+    }
+    (told,) = re.findall(sentence, one_line(document))
+    changes = set(re.findall(r"0\.\d\d → 0\.\d\d", told))
+    assert len(changes) == 2
+    assert changes <= measured
+
+
+def test_results_have_the_app_and_cohorts_that_were_measured_last() -> None:
+    app, cohort, text = summary("web_app"), summary("cohort"), one_line("docs/RESULTS.md")
+    assert f"medians are {app['overlay_ms']:.0f} ms (slowest {app['overlay_worst_ms']:.0f};" in text
+    one, two = (cohort[f"cases_per_hour_{workers}"] for workers in (1, 2))
+    assert f"{one:.0f} cases an hour by one worker with two threads, and {two:.0f} by two workers" in text
 
 
 def test_what_the_module_takes_beside_slicer_is_what_was_measured_last() -> None:
