@@ -4,7 +4,7 @@
 limited to one class of processors (`capabilities`), with the published way in the same run. *Worth*: each setting on each
 labelled scan, with the Dice of the final segmentation over several paths of simulated clicks, everything but the features as
 in the default. The published way takes twenty minutes a volume, so it is timed by some of its slices, and its features are
-computed only on the volumes named for it (`--published-cases`). The paper's §V-C compares renderings from grids of 64³, 80³
+computed only on the volumes named for it (`--published-cases`). The paper's §IV-D compares renderings from grids of 64³, 80³
 and 96³ features: the default is run at other grids where these are named (`--grids 80 96`).
 
 What was measured is kept in a folder (`--keep`) and not measured again there, so that a run can be had in parts. Writes

@@ -1,4 +1,4 @@
-"""`vittf`: segment one volume or many, fill the feature cache, draw, and manage weights, without a screen.
+"""`vittf`: segment one volume or many, fill the feature cache, draw, and manage weights, without a screen; serve the app.
 
 Exit codes: 0 success; 1 some cases of a cohort have no segmentation; 2 something given cannot be used, or there is too little
 memory or no room for the output, with one line that says what; 130 interrupted, 143 asked to end (SIGTERM). Where nobody reads

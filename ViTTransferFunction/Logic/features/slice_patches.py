@@ -29,7 +29,7 @@ class SlicePatches:
         array: (K, J, I) intensities, as the network is to see them.
         channels: colours that intensities are shown in.
         axis: across which the slices run.
-        shape: cells along (K, J, I); a patch for each cell of a slice.
+        shape: patches along the array's axes.
         patch_size: of the network, pixels.
         device: where to compute.
     """

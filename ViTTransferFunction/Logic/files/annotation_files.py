@@ -1,4 +1,4 @@
-"""Annotations from files and to them: our own JSON, or, only from them, Slicer's point lists."""
+"""Annotations from files and to them: our own JSON, or, only from them, Slicer's point lists, lines and closed curves."""
 
 from __future__ import annotations
 

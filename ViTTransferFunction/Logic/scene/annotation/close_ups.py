@@ -1,4 +1,4 @@
-"""Structures that are small or thin in the whole volume, looked at by themselves where the user asks for it."""
+"""Structures that are small or thin in the whole volume, looked at by themselves where the user, or an outline, asks for it."""
 
 from __future__ import annotations
 
