@@ -1,4 +1,4 @@
-"""Labelled scans that nothing was chosen on; but on the first three, how far corrections reach (`point_reach`)."""
+"""Labelled scans that hardly anything was chosen on; docs/RESULTS.md has the exceptions."""
 
 from __future__ import annotations
 
