@@ -25,7 +25,7 @@ SIZES = (0.0, -1.0, 1.0)
 LEAST_DIFFERENCE = 0.1
 """Share of a volume by which another has to differ to be worth an outline: less looks like the same line drawn twice."""
 MOST_AMBIGUOUS_POINTS = 2
-"""Of a class. More say how large it is: another size is worth 0.01 Dice at most (docs/RESULTS.md), and its outlines confuse."""
+"""Of a class. More say how large it is: another size is hardly worth anything (docs/RESULTS.md), and its outlines confuse."""
 JUST_BELOW = 0.98
 """Share of the iso value that a map has at most where the class does not get what it claims."""
 
