@@ -28,7 +28,7 @@ WIDTH, HEIGHT = 1280, 800
 SELECTED = "right kidney"
 SLICES_MM = {"Red": 1058.0, "Green": -270.0, "Yellow": -78.0}
 """Where the slices lie, in the kidneys; the sagittal one in the right one."""
-STILL_S = 2.0
+STILL_S = 10.0
 """A picture that has been the same for so long is the last one of its view, and the sharp one."""
 
 
@@ -53,7 +53,7 @@ def draw_app(data: Path, out: Path, annotations: Path) -> None:
         with serving(session, "--model", MODEL, "--device", "cpu", cache=Path(folder)) as server:
             page = AppPage(browser.new_context(viewport={"width": WIDTH, "height": HEIGHT}).new_page(), Path(folder))
             page.page.goto(server.address)
-            save_small(_picture(page), out / "app.png")
+            save_small(_picture(page), out / "app.webp")
         browser.close()
 
 

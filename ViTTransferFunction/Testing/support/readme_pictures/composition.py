@@ -8,10 +8,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 GAP = 2
-_GREYS = 86
-"""In steps of three."""
-_GREYEST = 10
-"""Difference between a colour's red, green and blue up to which a grey will do."""
+_QUALITY = 88
+"""Of 100: letters are sharp, and thin lines keep their colours."""
 CAPTION_HEIGHT = 34
 _CAPTION_TEXT = 18
 _CAPTION_BACKGROUND = (38, 42, 50)
@@ -36,25 +34,8 @@ def captioned(text: str, picture: np.ndarray) -> np.ndarray:
 
 
 def save_small(picture: np.ndarray, path: Path) -> None:
-    """Write a PNG of 256 colours, a third of the size of one of all colours."""
-    image = Image.fromarray(picture)
-    image.quantize(palette=palette_of(picture), dither=Image.Dither.FLOYDSTEINBERG).save(path, optimize=True)
-
-
-def palette_of(picture: np.ndarray) -> Image.Image:
-    """256 colours for a picture: greys from black to white, and others that are near to every colour that there is.
-
-    By how often colours occur, all would go to the grey of tissue, and none to the shades of a small surface.
-    """
-    every = np.unique(picture.reshape(-1, 3), axis=0)
-    colored = every[np.ptp(every.astype(int), axis=1) > _GREYEST]
-    palette = np.repeat(np.rint(np.linspace(0, 255, _GREYS)).astype(np.uint8), 3).tolist()
-    if len(colored):
-        found = Image.fromarray(colored[None]).quantize(256 - _GREYS, method=Image.Quantize.MAXCOVERAGE)
-        palette += (found.getpalette() or [])[: 3 * (256 - _GREYS)]
-    image = Image.new("P", (1, 1))
-    image.putpalette(palette)
-    return image
+    """Write a WebP, a third of the size of a PNG of 256 colours: the history keeps every version of every picture."""
+    Image.fromarray(picture).save(path, quality=_QUALITY, method=6)
 
 
 def _joined(pictures: tuple[np.ndarray, ...], axis: int) -> np.ndarray:

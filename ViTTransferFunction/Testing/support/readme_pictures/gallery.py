@@ -49,7 +49,7 @@ def main() -> int:
         parser.error("which folder are the scans in? --volumes DIR, or VITTF_TEST_VOLUMES")
     options.out.mkdir(parents=True, exist_ok=True)
     for name in [options.only] if options.only else EXHIBITS:
-        path = options.out / f"gallery_{name}.png"
+        path = options.out / f"gallery_{name}.webp"
         with ProgressBar() as progress:
             save_small(exhibit_picture(EXHIBITS[name], options.volumes, progress), path)
         print(f"{path}: {path.stat().st_size / 1e3:.0f} kB", flush=True)  # noqa: T201

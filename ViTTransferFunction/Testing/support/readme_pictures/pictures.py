@@ -53,7 +53,7 @@ def opening(data: Path, out: Path) -> Dice:
     desk.session.select_class(desk.session.classes[0].id)
     desk.look_at(classes[0].request.positive[0])
     desk.settle()
-    save_small(_panel_and_views(desk), out / "module.png")
+    save_small(_panel_and_views(desk), out / "module.webp")
     return _finish(desk, ABDOMEN_CT, data)
 
 
@@ -110,7 +110,7 @@ def closer_look(data: Path, out: Path) -> Dice:
     after = captioned(
         "The same clicks, looked at closely", column(desk.view("coronal", size, size), desk.view("3d", size, size))
     )
-    save_small(row(before, after), out / "closer_look.png")
+    save_small(row(before, after), out / "closer_look.webp")
     return _finish(desk, ABDOMEN_CT, data)
 
 
@@ -119,7 +119,7 @@ def outline(data: Path, out: Path) -> Dice:
     desk, (*_, cerebellum) = _ready_desk(BRAIN, "brain_mr.json", data)
     desk.look = OUTLINE_LOOK
     draw = partial(desk.drag_outline, outline_ras=CEREBELLUM_OUTLINE)
-    _click_or_draw(desk, cerebellum, CEREBELLUM_CLICK, "its outline, dragged around", draw, out / "outline.png")
+    _click_or_draw(desk, cerebellum, CEREBELLUM_CLICK, "its outline, dragged around", draw, out / "outline.webp")
     return _finish(desk, BRAIN, data)
 
 
@@ -128,7 +128,7 @@ def diameter(data: Path, out: Path) -> Dice:
     desk, (gallbladder, *_) = _ready_desk(ABDOMEN_CT, "amos_0336_closer.json", data)
     desk.look = DIAMETER_LOOK
     draw = partial(desk.drag_diameter, ends_ras=GALLBLADDER_ENDS)
-    _click_or_draw(desk, gallbladder, GALLBLADDER_CLICK, "its diameter, dragged across", draw, out / "diameter.png")
+    _click_or_draw(desk, gallbladder, GALLBLADDER_CLICK, "its diameter, dragged across", draw, out / "diameter.webp")
     return _finish(desk, ABDOMEN_CT, data)
 
 
@@ -162,7 +162,7 @@ def estimate(data: Path, out: Path) -> Dice:
         desk = Desk(TORSO.read(data), TORSO.look)
         desk.settle()
         desk.look_at((98.0, 164.0, 394.0))
-        save_small(row(desk.panel(STEP_VIEW), desk.view("axial", STEP_VIEW, STEP_VIEW)), out / "ct_1_compute_features.png")
+        save_small(row(desk.panel(STEP_VIEW), desk.view("axial", STEP_VIEW, STEP_VIEW)), out / "ct_1_compute_features.webp")
         desk.close()
     return {}
 
@@ -176,20 +176,20 @@ def ct_tutorial(data: Path, out: Path) -> Dice:
     desk.click(id_, first, positive=True)
     desk.look_at(first)
     desk.settle()
-    save_small(_views_in_a_row(desk), out / "ct_2_first_click.png")
+    save_small(_views_in_a_row(desk), out / "ct_2_first_click.webp")
     for point in further:
         desk.click(id_, point, positive=True)
     desk.settle()
-    save_small(_views_in_a_row(desk), out / "ct_3_liver.png")
+    save_small(_views_in_a_row(desk), out / "ct_3_liver.webp")
     desk.annotate(others)
     desk.look_at(others[2].request.positive[0])
     desk.settle()
-    save_small(_panel_and_views(desk), out / "ct_4_all_structures.png")
+    save_small(_panel_and_views(desk), out / "ct_4_all_structures.webp")
     desk.create_segments()
     desk.session.parameters.set("rendering", "off")
     desk.session.parameters.set("overlayVisible", False)
     desk.settle()
-    save_small(_views_in_a_row(desk), out / "ct_5_segments.png")
+    save_small(_views_in_a_row(desk), out / "ct_5_segments.webp")
     return _finish(desk, TORSO, data)
 
 
@@ -200,11 +200,11 @@ def mr_tutorial(data: Path, out: Path) -> Dice:
     desk.annotate([first])
     desk.look_at(first.request.positive[0])
     desk.settle()
-    save_small(_views_in_a_row(desk), out / "mr_1_ventricles.png")
+    save_small(_views_in_a_row(desk), out / "mr_1_ventricles.webp")
     desk.annotate(others)
     desk.look_at(others[0].request.positive[0])
     desk.settle()
-    save_small(_panel_and_views(desk), out / "mr_2_all_structures.png")
+    save_small(_panel_and_views(desk), out / "mr_2_all_structures.webp")
     return _finish(desk, BRAIN, data)
 
 
