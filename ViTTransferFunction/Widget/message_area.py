@@ -31,7 +31,9 @@ class MessageArea:
 
     def bring_into_sight(self) -> None:
         """Have the panel show them: they are at its top, and it may be scrolled down to the button that was pressed."""
-        bring_into_sight(self._frame.parent(), self._frame.sizeHint.height())
+        parent = self._frame.parent()
+        # By itself, it would be as narrow as the button in it, and higher than the panel.
+        bring_into_sight(parent, self._frame.heightForWidth(parent.width))
 
     def try_again(self, about: str) -> None:
         """Forget why something was not done that is tried once more."""

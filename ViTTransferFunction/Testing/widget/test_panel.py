@@ -154,6 +154,19 @@ def test_a_message_is_seen_where_the_panel_is_scrolled_down(host: Host, widget: 
     assert not widget.ui.messageLabel.visibleRegion().isEmpty()
 
 
+def test_a_long_message_is_seen_from_its_beginning_where_the_panel_is_scrolled_down(host: Host, widget: Any) -> None:
+    host.window.resize(PANEL_WIDTH, 500)
+    slicer.app.processEvents()
+    area = host.window.centralWidget()
+    assert isinstance(area, QScrollArea)
+    area.verticalScrollBar().setValue(area.verticalScrollBar().maximum())
+    widget.panel.session._problems.put("computing", "This may be another patient's. " * 12)
+    widget.panel.refresh()
+    slicer.app.processEvents()
+    frame = widget.ui.messageFrame
+    assert frame.visibleRegion().boundingRect() == frame.rect()
+
+
 def test_a_message_is_seen_where_the_button_that_had_the_keyboard_can_no_longer_be_pressed(host: Host, widget: Any) -> None:
     host.window.resize(host.window.width(), 400)
     host.window.activateWindow()
