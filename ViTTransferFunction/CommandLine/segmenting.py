@@ -52,8 +52,8 @@ def segment_classes(
         progress: called with what is done of each step.
         on_features: is called when the features are there.
         on_map: is shown each class's full-resolution map.
-        on_warning: is told what was done otherwise than asked for, of points that contradict each other or stand where there is
-            nothing, and which classes have no voxel.
+        on_warning: is told what was done otherwise than asked for, of points that contradict each other, stand where there is
+            nothing or were placed on another scan, and which classes have no voxel.
 
     Raises:
         InputError: the annotations are not usable, the weights are not to be had, or the cache's disk is full.
@@ -64,6 +64,7 @@ def segment_classes(
     for annotated in classes:
         _warn_of_contradictions(annotated.request, on_warning)
         _warn_of_nothing_there(annotated.request, session.volume, on_warning)
+    _warn_of_other_scan(classes, session.volume, on_warning)
     session.load_features(progress)
     on_features(session)
     requests = requests_with_close_ups(session, classes, method, only_annotated_components, on_warning)
@@ -89,6 +90,15 @@ def _warn_of_nothing_there(request: ClassRequest, volume: Volume, on_warning: Ca
     count = without_intensity(volume.array, volume.geometry, request.positive)
     if count:
         on_warning(f"Class '{request.name}': {without_intensity_text(count)}")
+
+
+def _warn_of_other_scan(classes: Sequence[AnnotatedClass], volume: Volume, on_warning: Callable[[str], None]) -> None:
+    placed_on = next((annotated.placed_on for annotated in classes if annotated.placed_on is not None), None)
+    if placed_on is not None and not placed_on.may_be_of(volume.array, volume.geometry):
+        on_warning(
+            f"The points were placed on a scan that looks different from '{volume.name}', perhaps another patient's. Check "
+            "whether they belong to it."
+        )
 
 
 def _why_empty(request: ClassRequest, result: ClassResult, geometry: Geometry, segmentation: Segmentation) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,6 +21,7 @@ from ..core.system.atomic_file import replacing
 from ..core.system.errors import InputError, shown
 from ..core.system.given_numbers import FARTHEST, is_number
 from ..core.volumes.geometry import LPS_TO_RAS, Geometry, transform_points
+from ..core.volumes.thumbnail import Thumbnail
 from .closed_curve import closed_curve_through
 from .json_files import read_json
 
@@ -27,6 +29,9 @@ ANNOTATIONS_ENDING = ".annotations.json"
 """Follows the volume's name without its ending. `scan.json` alone is what converters of DICOM write beside `scan.nii.gz`."""
 
 CLASS_FIELDS = frozenset({"name", "color", "opacity", "positive", "negative", "iso", "size", "proximity", "refine", "close_up"})
+
+_PLACED_ON = "placed_on"
+"""Field of a file: the `Thumbnail` of the scan that its points were placed on."""
 
 NAMED_SIZES = {"smaller": -1.0, "larger": 1.0}
 """Sizes of `ClassRequest` that have a name."""
@@ -54,7 +59,8 @@ def read_annotations(path: Path, geometry: Geometry) -> list[AnnotatedClass]:
     if not isinstance(classes, list) or not all(isinstance(entry, dict) for entry in classes):
         raise InputError(f'{path} is not an annotation file: expected {{"coordinate_system": "RAS", "classes": [{{…}}, …]}}.')
     to_ras = _to_ras_matrix(content.get("coordinate_system"), geometry, path)
-    return [_parse_class(entry, index, to_ras, path) for index, entry in enumerate(classes)]
+    placed_on = _placed_on(content.get(_PLACED_ON))
+    return [replace(_parse_class(entry, index, to_ras, path), placed_on=placed_on) for index, entry in enumerate(classes)]
 
 
 def write_annotations(classes: Sequence[AnnotatedClass], path: Path, about: Mapping[str, str] | None = None) -> None:
@@ -72,7 +78,13 @@ def write_annotations(classes: Sequence[AnnotatedClass], path: Path, about: Mapp
     start = ",\n ".join(f'"{field}": {json.dumps(value, ensure_ascii=False)}' for field, value in fields.items())
     entries = ",\n  ".join(json.dumps(_entry(annotated), ensure_ascii=False) for annotated in classes)
     with replacing(path) as temporary:
-        temporary.write_text(f'{{{start},\n "classes": [\n  {entries}]}}\n', encoding="utf-8")
+        temporary.write_text(f'{{{start},\n "classes": [\n  {entries}]{_placed_on_field(classes)}}}\n', encoding="utf-8")
+
+
+def _placed_on_field(classes: Sequence[AnnotatedClass]) -> str:
+    """Of the whole file: programs that do not know it refuse unknown fields of classes only."""
+    placed_on = next((each.placed_on for each in classes if each.placed_on is not None), None)
+    return "" if placed_on is None else f',\n "{_PLACED_ON}": "{placed_on.to_text()}"'
 
 
 def _entry(annotated: AnnotatedClass) -> dict[str, Any]:
@@ -259,6 +271,10 @@ def _parse_class(entry: dict[str, Any], index: int, to_ras: np.ndarray, path: Pa
     if not isinstance(close_up, bool):
         fields["close_up"] = _as_close_up(close_up, to_ras, name)
     return AnnotatedClass(ClassRequest(name, **fields), color, opacity, close_up_from_map=close_up is True)
+
+
+def _placed_on(text: Any) -> Thumbnail | None:
+    return Thumbnail.from_text(text) if isinstance(text, str) else None
 
 
 def _to_ras_matrix(coordinate_system: Any, geometry: Geometry, path: Path) -> np.ndarray:

@@ -28,6 +28,7 @@ from .annotation.left_behind import LeftBehind
 from .annotation.other_scans import OtherScans
 from .annotation.other_segments import OtherSegments
 from .annotation.regions import SceneRegions
+from .annotation.scan_of_points import ScanOfPoints
 from .annotation.selected_class import SelectedClass
 from .annotation.shown_structures import ShownStructures
 from .classes.class_state import ClassState, Polarity
@@ -130,12 +131,14 @@ class SceneSession:
         )
         self._frames = FrameSegments(self.parameters, self._volume, lambda: self.classes, self.segments, self._problems)
         self._segments_changed = False
+        self._scan_of_points = ScanOfPoints(self.parameters, self.annotations, self._volume, self._problems)
         self.file_classes = FileClasses(
             self.parameters,
             self.annotations,
             self._selected,
             self._volume,
             self._maps,
+            self._scan_of_points,
             self._problems,
             self._notices,
             on_model=self._on_model,
@@ -362,10 +365,10 @@ class SceneSession:
         # What the user waits for is finished first: it is kept for its frame.
         if self.progress is None and self._volume.has_rested():
             self._on_opened(self._volume.open_again())
-        left_behind = self._look_at_places()
+        points_told = self._look_at_points()
         came_to_rest = was_busy and not self.busy
         # What there is to tell of the first map is told with all.
-        if events - {"first map"} or writing or segments_changed or left_behind or came_to_rest:
+        if events - {"first map"} or writing or segments_changed or points_told or came_to_rest:
             self._notices.tell()
 
     def tell_of_defect(self, error: Exception) -> bool:
@@ -425,13 +428,14 @@ class SceneSession:
             self._use_segment_points()
         return changed
 
-    def _look_at_places(self) -> bool:
-        """Look where points and boxes are, if something has changed; returns whether there is news of points left behind."""
+    def _look_at_points(self) -> bool:
+        """Look where points and boxes are, and on which scan, if something has changed; returns whether there is news of it."""
         due, self._look_due = self._look_due, False
-        news = due and self._left_behind.look()
-        if due:
-            self.close_ups.go_along()
-        return news
+        if not due:
+            return False
+        left_behind, other_scan = self._left_behind.look(), self._scan_of_points.look()
+        self.close_ups.go_along()
+        return left_behind or other_scan
 
     def _on_annotations(self) -> None:
         """The user went on, or took back what they did."""
@@ -484,6 +488,7 @@ class SceneSession:
         self.annotations.restart()
         self.close_ups.forget()
         self._left_behind.forget()
+        self._scan_of_points.forget()
         self.close_up_hints.forget()
         self._other_segments.forget()
 

@@ -13,7 +13,8 @@ from ViTTransferFunction.CommandLine.segmenting import segment_classes
 from ViTTransferFunction.CommandLine.vittf import main
 from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
 from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
-from ViTTransferFunction.Logic.files.annotation_files import write_annotations
+from ViTTransferFunction.Logic.core.volumes.thumbnail import Thumbnail
+from ViTTransferFunction.Logic.files.annotation_files import read_annotations, write_annotations
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation, write_image
 from ViTTransferFunction.Logic.refinement.refinement_methods import RefinementMethod
 from ViTTransferFunction.Logic.session.opening import open_session
@@ -64,6 +65,27 @@ def test_a_point_where_the_scan_has_no_intensity_is_warned_of(spheres: Spheres) 
     assert warning == (
         "Class 'sphere 1': 1 point inside lies where the scan has no intensity (NaN or infinite). Move it onto the structure."
     )
+
+
+def test_points_that_were_placed_on_another_scan_are_warned_of(spheres: Spheres, tmp_path: Path) -> None:
+    cache_known_features(*spheres)
+    volume = spheres[0]
+
+    def warnings_of_points_on(array: np.ndarray) -> list[str]:
+        placed_on = Thumbnail.of(array, volume.geometry)
+        classes = [AnnotatedClass(request, (1.0, 0.0, 0.0), placed_on=placed_on) for request in requests_of(spheres)]
+        write_annotations(classes, tmp_path / "a.json")
+        warnings: list[str] = []
+        session = open_session(volume, SessionSettings(grid=GRID))
+        classes = read_annotations(tmp_path / "a.json", volume.geometry)
+        segment_classes(session, classes, "none", True, on_warning=warnings.append)
+        return warnings
+
+    assert warnings_of_points_on(1000.0 + 2.0 * volume.array) == []
+    assert warnings_of_points_on(volume.array[::-1]) == [
+        "The points were placed on a scan that looks different from 'spheres', perhaps another patient's. Check whether they "
+        "belong to it."
+    ]
 
 
 @pytest.mark.parametrize("ending", [".nii.gz", ".seg.nrrd"])

@@ -7,6 +7,7 @@ import os
 import re
 import unicodedata
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from ViTTransferFunction.Logic.core.classes.region_points import points_of_outli
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.system.given_numbers import FARTHEST
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.thumbnail import Thumbnail
 from ViTTransferFunction.Logic.files.annotation_files import (
     classes_from_markups,
     read_annotations,
@@ -96,6 +98,24 @@ def test_what_is_written_says_only_what_was_decided_a_class_a_line(tmp_path: Pat
         ' "classes": [',
         '  {"name": "Leber – groß", "color": [1.0, 0.0, 0.5], "positive": [[1.0, 2.0, 3.5]], "negative": [], "iso": 0.5}]}',
     ]
+
+
+def test_what_points_were_placed_on_is_written_for_the_whole_file_and_read_again(tmp_path: Path) -> None:
+    arrays = np.random.default_rng(0).normal(size=(2, *GEOMETRY.shape))
+    placed_on = Thumbnail.of(arrays[0], GEOMETRY)
+    annotated = AnnotatedClass(ClassRequest("liver", POINTS_RAS), (1.0, 0.0, 0.0), placed_on=placed_on)
+    write_annotations([annotated, replace(annotated, request=ClassRequest("spleen", POINTS_RAS))], tmp_path / "a.json")
+    content = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
+    assert list(content) == ["coordinate_system", "classes", "placed_on"]
+    for read in read_annotations(tmp_path / "a.json", GEOMETRY):
+        assert read.placed_on is not None
+        assert [read.placed_on.may_be_of(array, GEOMETRY) for array in arrays] == [True, False]
+
+
+@pytest.mark.parametrize("placed_on", ["garbled", 3, None, ["x"]])
+def test_what_points_were_placed_on_is_passed_over_where_it_says_nothing(tmp_path: Path, placed_on: Any) -> None:
+    (annotated,) = read_annotations(write(tmp_path / "a.json", one_class() | {"placed_on": placed_on}), GEOMETRY)
+    assert annotated.placed_on is None
 
 
 def one_class(**fields: Any) -> dict[str, Any]:

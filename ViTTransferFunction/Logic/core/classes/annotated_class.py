@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..volumes.thumbnail import Thumbnail
 from .class_request import ClassRequest, check_share
 from .colors import Color
 
@@ -20,6 +21,7 @@ class AnnotatedClass:
         opacity: of its rendering, in [0, 1].
         close_up_from_map: whether the request's close-up is still to be chosen, from the class's map.
         outline_ras: (N, 3) RAS millimetres, its outline in a slice, which its points stand for; None: they are others.
+        placed_on: what the scan showed that the points were placed on; None: not known.
 
     Raises:
         InputError: the opacity is out of range.
@@ -30,6 +32,7 @@ class AnnotatedClass:
     opacity: float = 1.0
     close_up_from_map: bool = False
     outline_ras: np.ndarray | None = field(default=None, compare=False)
+    placed_on: Thumbnail | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         check_share(self.opacity, "opacity", self.request.name)

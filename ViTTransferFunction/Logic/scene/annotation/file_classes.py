@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from ...core.classes.annotated_class import AnnotatedClass
 from ...core.system.errors import InputError
@@ -15,6 +16,7 @@ from ..interface.problems import Problems
 from ..volumes.opened_volume import OpenedVolume
 from .annotations import SceneAnnotations
 from .asked_maps import AskedMaps
+from .scan_of_points import ScanOfPoints
 from .selected_class import SelectedClass
 
 
@@ -27,6 +29,7 @@ class FileClasses:
         selected: which class.
         volume: as it was opened.
         maps: that were asked for.
+        scan_of_points: knows which scan points were placed on.
         problems: are told what a file asks for that the user has to do.
         notices: front ends hear of that.
         on_model: is called with the model that restored classes were made with, "" if that is not known.
@@ -39,6 +42,7 @@ class FileClasses:
         selected: SelectedClass,
         volume: OpenedVolume,
         maps: AskedMaps,
+        scan_of_points: ScanOfPoints,
         problems: Problems,
         notices: Notices,
         on_model: Callable[[str], None],
@@ -48,6 +52,7 @@ class FileClasses:
         self._selected = selected
         self._volume = volume
         self._maps = maps
+        self._scan_of_points = scan_of_points
         self._problems = problems
         self._notices = notices
         self._on_model = on_model
@@ -71,12 +76,13 @@ class FileClasses:
         Raises:
             InputError: there is no volume, no class has a point in it, or two classes have one name.
         """
-        return annotated_classes(self._annotations.classes, self._maps.requests, self.geometry)
+        annotated = annotated_classes(self._annotations.classes, self._maps.requests, self.geometry)
+        return [replace(each, placed_on=self._scan_of_points.thumbnail) for each in annotated]
 
     def add(self, annotated: Sequence[AnnotatedClass]) -> None:
         """Add classes as an annotation file has them, unless they are there already, and select the first; one step for undo.
 
-        Whose box is still to be chosen begins in the whole volume, and the user is told.
+        Whose box is still to be chosen begins in the whole volume, and the user is told; as of points placed on another scan.
 
         Raises:
             InputError: there is no volume, no class, none that is not there already, two of one name, or a point outside the
@@ -84,6 +90,7 @@ class FileClasses:
         """
         states = class_states(annotated, self._annotations.classes, self._parameters.volume, self.geometry)
         self._annotations.add_classes(states)
+        self._scan_of_points.add([state.id for state in states], annotated[0].placed_on)
         self._selected.select(states[0].id)
         unchosen = [each.name for each in annotated if each.close_up_from_map]
         if unchosen:

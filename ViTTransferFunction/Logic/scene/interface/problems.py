@@ -13,14 +13,15 @@ Cause = Literal[
     "views",
     "close-up",
     "left behind",
+    "other scan",
     "model",
     "placing",
     "defect",
 ]
 """The volume or a setting; the compute process, or what it was asked for; features that cannot be kept; segments that could
 not be written; those of a frame that users come back to; what cannot be shown; a structure that cannot be looked at more
-closely; points that the volume was moved away from; the model that structures were made with, which is not to be had; a point
-that was to be placed on nothing; what a poll raised."""
+closely; points that the volume was moved away from; points that were placed on another scan; the model that structures were
+made with, which is not to be had; a point that was to be placed on nothing; what a poll raised."""
 
 
 class Problems:

@@ -189,6 +189,15 @@ def left_behind_text(volume: str, names: Sequence[str], segmentation: str | None
     return text.format(volume=volume, names=_listing(names), segmentation=segmentation)
 
 
+def other_scan_text(volume: str) -> str:
+    """Of points in a volume that were placed on a scan which looks different."""
+    return _(
+        "Points in '{volume}' were placed on a scan that looks different, perhaps another patient's. Look where they lie "
+        "before you trust what they give. If this is the wrong scan, open the right one; its file may have been replaced. If "
+        "it is meant, go on, and correct the points."
+    ).format(volume=volume)
+
+
 def former_model_text(former: str, model: str) -> str:
     """Of structures that were made with one model, where another one has to do."""
     return _(

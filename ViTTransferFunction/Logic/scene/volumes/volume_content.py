@@ -7,6 +7,7 @@ whoever changes an array says so, by a newer modification time or another array.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import slicer
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ...core.volumes.geometry import Geometry
+from ...core.volumes.thumbnail import Thumbnail
 from .volume_nodes import geometry_from_node
 
 
@@ -43,6 +45,11 @@ class VolumeContent:
     def array(self) -> np.ndarray:
         """The voxels, (K, J, I): a view on them, not a copy."""
         return vtk_to_numpy(self.voxels[0]).reshape(self.geometry.shape)
+
+    @cached_property
+    def thumbnail(self) -> Thumbnail | None:
+        """What they show, as they are when this is asked first; None of a frame: the next one may show something else."""
+        return Thumbnail.of(self.array, self.geometry) if self.frame is None else None
 
     @property
     def state(self) -> tuple[Any, ...]:
