@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from ..Logic.core.system.errors import InputError
+from ..Logic.files.unsaved_files import LeftPoints, UnsavedFile, remove_left
 from ..Logic.scene.classes.class_state import ClassState
+from ..Logic.scene.interface.wording import not_kept_text, unusable_text
 from ..Logic.scene.volumes.volume_nodes import array_from_node
-from .unsaved_files import LeftPoints, UnsavedFile, remove_left
 
 if TYPE_CHECKING:
     from .app import WebApp
@@ -133,7 +134,7 @@ class UnsavedPoints:
             if self._file is file:
                 self._offer(left)
                 for path, error in unusable.items():
-                    self._app.report(_unusable_text(path, error), str(path))
+                    self._app.report(unusable_text(path, error), str(path))
 
     def _keep_soon(self, delays: int) -> None:
         self._timer = asyncio.get_running_loop().call_later(DELAY_S, self._keep_or_wait, delays)
@@ -193,15 +194,4 @@ class UnsavedPoints:
             raise error
         problem, self._problem = self._problem, "" if error is None else str(error)
         if error is not None and self._problem != problem:
-            self._app.report(_not_kept_text(error), solved=lambda: self._problem != str(error))
-
-
-def _not_kept_text(error: InputError) -> str:
-    return f"Points are not kept on this computer while you work, and are lost if the app ends before you save them. {error}"
-
-
-def _unusable_text(path: Path, error: InputError) -> str:
-    return (
-        f"Points of this scan were not saved, and what was kept of them cannot be used. {error} The file stays where it is: "
-        f"{path}. Delete it, and you will not be told again."
-    )
+            self._app.report(not_kept_text(error), solved=lambda: self._problem != str(error))

@@ -20,6 +20,7 @@ pytest.importorskip("psutil")
 from ViTTransferFunction.Logic.core.system.atomic_file import TEMPORARY
 from ViTTransferFunction.Logic.core.system.private_folder import PREFIX
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.files import unsaved_files
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import array_from_node
 from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
@@ -27,7 +28,7 @@ from ViTTransferFunction.Testing.support.spheres import Spheres
 from ViTTransferFunction.Testing.support.web_app import Server, serving
 from ViTTransferFunction.Testing.web_app.test_points_file import points, send
 from ViTTransferFunction.Testing.web_app.test_saving import browser_of, status_and_body, until
-from ViTTransferFunction.WebApp import unsaved_files, unsaved_points
+from ViTTransferFunction.WebApp import unsaved_points
 from ViTTransferFunction.WebApp.app import WebApp
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]

@@ -1,4 +1,4 @@
-"""The user's cache folder: weights, computed features, and the app's points that are not saved yet lie below it."""
+"""The user's cache folder: weights, computed features, and points that are not saved yet lie below it."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Literal
 
 from ...core.classes.close_up import EdgesMm
@@ -205,6 +206,36 @@ def former_model_text(former: str, model: str) -> str:
         "{model} they come out otherwise. To have them as they were, get the weights of {former}, and choose them "
         "under Advanced. To go on with {model}, look at each structure again."
     ).format(former=former, model=model)
+
+
+def not_saved_text(point_count: int, names: Sequence[str], when: str) -> str:
+    """Of points that were kept when the program ended by itself.
+
+    Args:
+        point_count: how many.
+        names: of their structures.
+        when: they were kept.
+    """
+    if point_count == 1:
+        text = _("1 point from {when} was not saved: {names}.")
+    else:
+        text = _("{count} points from {when} were not saved: {names}.")
+    return text.format(count=point_count, when=when, names=_listing(names))
+
+
+def not_kept_text(error: Exception) -> str:
+    """Why points that are not saved are not kept either."""
+    return _(
+        "Points are not kept on this computer while you work, and are lost if the program ends before you save them. {error}"
+    ).format(error=error)
+
+
+def unusable_text(path: Path, error: Exception) -> str:
+    """Of points that were kept, and cannot be read."""
+    return _(
+        "Points of this scan were not saved, and what was kept of them cannot be used. {error} The file stays where it is: "
+        "{path}. Delete it, and you will not be told again."
+    ).format(error=error, path=path)
 
 
 def nothing_in_3d_text() -> str:

@@ -1,4 +1,4 @@
-"""Structures that are saved nowhere else, as annotation files in the user's cache folder: for when the app ends by itself.
+"""Structures that are saved nowhere else, as annotation files in the user's cache folder: for when a program ends by itself.
 
 Each file is of one opening of a scan, and beside it lies another one, which is locked as long as that scan is open: the system
 unlocks it however the app ends. Only the user can read them.
@@ -19,15 +19,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ..Logic.core.classes.annotated_class import AnnotatedClass
-from ..Logic.core.system.atomic_file import set_rights
-from ..Logic.core.system.cache_folder import CACHE_VARIABLE, cache_folder, make_private
-from ..Logic.core.system.errors import InputError
-from ..Logic.core.system.file_lock import is_at, take_lock
-from ..Logic.core.volumes.geometry import Geometry
-from ..Logic.core.volumes.volume import Volume
-from ..Logic.files.annotation_files import ANNOTATIONS_ENDING, read_annotations, write_annotations
-from ..Logic.files.json_files import read_json
+from ..core.classes.annotated_class import AnnotatedClass
+from ..core.system.atomic_file import set_rights
+from ..core.system.cache_folder import CACHE_VARIABLE, cache_folder, make_private
+from ..core.system.errors import InputError
+from ..core.system.file_lock import is_at, take_lock
+from ..core.volumes.geometry import Geometry
+from ..core.volumes.volume import Volume
+from .annotation_files import ANNOTATIONS_ENDING, read_annotations, write_annotations
+from .json_files import read_json
 
 MOST_FILES = 20
 """That are kept: scans of some days of work."""
@@ -162,7 +162,7 @@ def _lock_of(path: Path) -> Path:
 def _locked(lock: Path) -> int:
     """Make and lock a file; returns its descriptor.
 
-    Other apps have it for a moment when they look whether it is locked, and remove it if nobody else had it: then it is made
+    Others have it for a moment when they look whether it is locked, and remove it if nobody else had it: then it is made
     again.
     """
     give_up = time.monotonic() + _OTHERS_LOOK_S
@@ -192,7 +192,7 @@ def _changed_s(path: Path) -> float:
 
 
 def _is_written_to(path: Path) -> bool:
-    """Whether the scan is still open that a file is of, here or in another app."""
+    """Whether the scan is still open that a file is of, here or in another app or Slicer."""
     try:
         descriptor = os.open(_lock_of(path), os.O_RDWR)
     except OSError:
@@ -204,7 +204,7 @@ def _is_written_to(path: Path) -> bool:
 
 
 def _remove_oldest(written: Path) -> None:
-    """Remove what is too much, but for the file that was just written; and locks without one, of apps that were killed."""
+    """Remove what is too much, but for the file that was just written; and locks without one, of those that were killed."""
     total = 0
     for number, path in enumerate(_latest_first(written.parent, f"*{ANNOTATIONS_ENDING}")):
         with suppress(OSError):
