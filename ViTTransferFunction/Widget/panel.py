@@ -32,6 +32,7 @@ from ViTTransferFunction.Widget.section_headers import SectionHeaders
 from ViTTransferFunction.Widget.shortcut_help import ShortcutHelp
 from ViTTransferFunction.Widget.shortcuts import Shortcuts
 from ViTTransferFunction.Widget.size_controls import SizeControls
+from ViTTransferFunction.Widget.unsaved_points import UnsavedPoints
 from ViTTransferFunction.Widget.views import DrawingOrder, points_of_3d_views, view_windows
 from ViTTransferFunction.Widget.volume_section import VolumeSection
 
@@ -80,10 +81,12 @@ class Panel:
         self._class_actions = ClassActions(ui, report, change_color=self._table.change_color)
         self.size = SizeControls(ui, report)
         self.close_up = CloseUpControls(ui, report)
-        self._volume = VolumeSection(ui, report)
+        self._unsaved = UnsavedPoints(ui, report)
+        self._volume = VolumeSection(ui, report, on_leave=self._unsaved.keep)
         self._sections = (
             PyTorchSection(ui, report, on_change=self._on_pytorch),
             self._volume,
+            self._unsaved,
             self._table,
             self._class_actions,
             self.tools,
@@ -93,7 +96,7 @@ class Panel:
             self.size,
             self.close_up,
             OutputSection(ui, report),
-            PointsSection(ui, report),
+            PointsSection(ui, report, on_saved=self._unsaved.mark_saved),
             AdvancedSection(ui, report),
         )
         self.shortcut_help = ShortcutHelp(window)
@@ -143,6 +146,7 @@ class Panel:
                 self._layout_manager.layoutChanged.disconnect(self._on_layout_changed)
             if self._module_selector is not None:
                 self._module_selector.moduleSelected.disconnect(self._on_module_selected)
+            self._unsaved.end()
             self.session.close()
             self.session = None
             self._drawing.draw()
@@ -212,7 +216,9 @@ class Panel:
     def _set_pace(self) -> None:
         if self.session is None:
             return
-        pace_ms = CLICK_POLL_MS if self.session.awaits_maps else POLL_MS if self.session.busy else IDLE_POLL_MS
+        pace_ms = (
+            CLICK_POLL_MS if self.session.awaits_maps else POLL_MS if self.session.busy or self._unsaved.busy else IDLE_POLL_MS
+        )
         if not self._timer.active or self._timer.interval != pace_ms:
             self._timer.interval = pace_ms
             self._timer.start()
@@ -224,6 +230,7 @@ class Panel:
         try:
             self._start_computing()
             session.poll()
+            self._unsaved.advance()
             if not session.busy:
                 # The session is not told of what views show: of a scan, say, that is dropped on them.
                 self.tools.tell_of_other_scans()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,17 @@ from ViTTransferFunction.Widget.wording import in_menu
 
 
 class PointsSection(Section):
-    """The buttons that save points, load them, and take over those of another scan of the scene."""
+    """The buttons that save points, load them, and take over those of another scan of the scene.
 
-    def __init__(self, ui: Any, report: Report) -> None:
+    Args:
+        ui: the widgets of the panel, by name.
+        report: shows an error to the user.
+        on_saved: called when points were saved.
+    """
+
+    def __init__(self, ui: Any, report: Report, on_saved: Callable[[], None]) -> None:
         super().__init__(ui, report)
+        self._on_saved = on_saved
         self._scans_menu = qt.QMenu(ui.takeOverButton)
         ui.takeOverButton.setMenu(self._scans_menu)
         ui.savePointsButton.clicked.connect(lambda: self.attempt(self._save))
@@ -59,6 +67,7 @@ class PointsSection(Section):
         chosen = ask_path_to_write(_("Save points"), name, _kinds(), self.ui.savePointsButton)
         if chosen:
             write_annotations(classes, with_ending(Path(chosen), (".json",)))
+            self._on_saved()
 
     def _load(self) -> None:
         assert self.session is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import qt
@@ -24,12 +25,18 @@ from ViTTransferFunction.Widget.wording import breakable
 class VolumeSection(Section):
     """Selector, button, progress and status of the features, of which one shows at a time.
 
+    Args:
+        ui: the widgets of the panel, by name.
+        report: shows an error to the user.
+        on_leave: called before another volume is chosen.
+
     Attributes:
         offered: has a volume taken up where none is chosen.
     """
 
-    def __init__(self, ui: Any, report: Report) -> None:
+    def __init__(self, ui: Any, report: Report, on_leave: Callable[[], None]) -> None:
         super().__init__(ui, report)
+        self._on_leave = on_leave
         self._progress = ProgressRow(ui, "extraction")
         self.offered = OfferedVolume(slicer.app.applicationLogic(), report)
         self._consent = DownloadConsent()
@@ -114,6 +121,7 @@ class VolumeSection(Section):
         node = self.ui.volumeSelector.currentNode()
         if self.session is not None:
             before = self.session.parameters.volume
+            self._on_leave()
             self.session.set_volume(node)
             if node is not None:
                 show_in_slices(slicer.mrmlScene, slicer.app.applicationLogic(), node)

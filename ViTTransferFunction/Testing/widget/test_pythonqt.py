@@ -18,8 +18,8 @@ from ViTTransferFunction.Testing.support.standin import ctk, node_combo_box
 
 MODULE = Path(__file__).parents[2]
 FILES = sorted((MODULE / "Widget").glob("*.py"))
-OUR_OWN = {"session"}
-"""What sections have of their own."""
+OUR_OWN = {"session", "now", "saved", "kept", "offered"}
+"""What sections have of their own, and what one of them knows of a scan."""
 
 
 def assigned(path: Path) -> Iterator[ast.Attribute]:

@@ -71,6 +71,12 @@ def lists_of(positive: slicer.vtkMRMLMarkupsFiducialNode) -> list[slicer.vtkMRML
     return [node for node in (positive, negative_node(positive)) if node is not None]
 
 
+def points_are_in_files(parameter_node: slicer.vtkMRMLScriptedModuleNode) -> bool:
+    """Whether all points of the classes of all volumes were read or saved since they changed last, as Slicer counts it."""
+    lists = (node for positive in class_nodes_of_all(parameter_node) for node in lists_of(positive))
+    return not any(node.GetModifiedSinceRead() for node in lists if node.GetNumberOfControlPoints())
+
+
 def is_list_of_a_class(node: slicer.vtkMRMLNode) -> bool:
     """Whether a node holds the points of a class, positive or negative ones."""
     return attribute(node, "polarity") is not None

@@ -74,6 +74,14 @@ def frame_of(node: slicer.vtkMRMLScalarVolumeNode) -> Frame | None:
     return Frame(browser.GetSelectedItemNumber() + 1, browser.GetNumberOfItems()) if browser else None
 
 
+def first_frame(node: slicer.vtkMRMLScalarVolumeNode) -> slicer.vtkMRMLScalarVolumeNode:
+    """The node of a sequence's first frame, whichever a volume node shows; itself where it has none of its size."""
+    browser = _browser_of(node)
+    first = browser.GetSequenceNode(node).GetNthDataNode(0) if browser is not None else None
+    image = first.GetImageData() if first is not None else None
+    return first if image is not None and image.GetDimensions() == node.GetImageData().GetDimensions() else node
+
+
 def changes_with(node: slicer.vtkMRMLNode, volume: slicer.vtkMRMLScalarVolumeNode) -> bool:
     """Whether a node shows an item of a sequence, too, that is chosen together with the frame of a volume node."""
     browser = _browser_of(volume)
