@@ -1,4 +1,4 @@
-"""A structure that is corrected, drawn and outlined while a sphere is shown of it, and what is made of that."""
+"""A structure that is clicked on, drawn and outlined while a sphere is shown of it, and what is made of that."""
 
 from __future__ import annotations
 
@@ -25,18 +25,19 @@ VOXELS = Geometry((60, 60, 60), np.diag([2.0, 2.0, 2.0, 1.0]))
 CELLS = VOXELS.resized((24, 24, 24))
 """Of 5 mm."""
 MIDDLE, RADIUS_MM = np.array([59.0, 59.0, 59.0]), 20.0
-DEEP, DEEPER = MIDDLE + np.array([10.0, 0.0, 0.0]), MIDDLE + np.array([0.0, 3.0, 0.0])
-"""Within what is shown, and farther from its surface than a cell is wide."""
-SHALLOW, BESIDE = MIDDLE + np.array([18.0, 0.0, 0.0]), MIDDLE + np.array([23.0, 0.0, 0.0])
+WITHIN, BESIDE = MIDDLE + np.array([10.0, 0.0, 0.0]), MIDDLE + np.array([23.0, 0.0, 0.0])
 FAR = MIDDLE + np.array([30.0, 0.0, 0.0])
 
+VAGUE_MM = 40.0
+"""Over which the similarity sinks where a border is not clear."""
 SMALL_MM, LARGE_MM = 19.0, 21.0
 """Of less and more than four cells."""
 
 
-def sphere(geometry: Geometry, in_bytes: bool, radius_mm: float = RADIUS_MM) -> ClassMap:
+def sphere(geometry: Geometry, in_bytes: bool, radius_mm: float = RADIUS_MM, fade_mm: float = 10.0) -> ClassMap:
+    """Its map; the similarity sinks from 1 to 0 over `fade_mm`."""
     away = np.linalg.norm(geometry.voxel_centres_ras() - MIDDLE, axis=1).reshape(geometry.shape)
-    array = np.clip(0.5 + (radius_mm - away) / 10.0, 0.0, 1.0).astype(np.float32)
+    array = np.clip(0.5 + (radius_mm - away) / fade_mm, 0.0, 1.0).astype(np.float32)
     return ClassMap(np.rint(FULL_SCALE * array).astype(np.uint8) if in_bytes else array, geometry, 0.5)
 
 
@@ -47,7 +48,7 @@ def circle(radius_mm: float, width: float = 1.0) -> np.ndarray:
 
 
 class Corrected:
-    """A class of which a sphere is shown whatever is clicked, and what is made of how it is corrected.
+    """A class of which a sphere is shown whatever is clicked, and what is made of that.
 
     Attributes:
         annotations: of the class; after each change, the answer is there at once, unless `proxy.up_to_date` says otherwise.
@@ -75,8 +76,13 @@ class Corrected:
     def state(self) -> ClassState:
         return self.annotations.classes[0]
 
-    def show(self, id_: str) -> None:
-        self.proxy.maps[id_], self.proxy.low_maps[id_] = sphere(VOXELS, in_bytes=True), sphere(CELLS, in_bytes=False)
+    def show(self, id_: str, fade_mm: float = 10.0) -> None:
+        self.proxy.maps[id_] = sphere(VOXELS, in_bytes=True, fade_mm=fade_mm)
+        self.proxy.low_maps[id_] = sphere(CELLS, in_bytes=False, fade_mm=fade_mm)
+
+    def show_vaguely(self) -> None:
+        """From now on, the sphere has no clear border."""
+        self.show(self.id, VAGUE_MM)
 
     def add(self, *points_ras: np.ndarray, positive: bool = True, continued: bool = False) -> None:
         self.annotations.add_points(self.id, np.array(points_ras), positive, continued)
@@ -128,8 +134,3 @@ class Corrected:
 
     def reason(self, state: ClassState | None = None) -> CloserLookReason | None:
         return self.hints.of(state or self.state)
-
-    def suggests(self, state: ClassState | None = None) -> bool:
-        reason = self.reason(state)
-        assert reason in (None, "large corrections")
-        return reason is not None

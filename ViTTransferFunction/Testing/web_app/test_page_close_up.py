@@ -129,7 +129,10 @@ def test_the_page_suggests_a_closer_look_at_the_selected_structure(
         add_structure(app, positive=True)
         first, second = app.session.classes
         assert app.server.state.settings["close_up_hint"] == ""
-        words = {"large corrections": "Large corrections so far. ", "small drawing": "What you drew is smaller than four cells"}
+        words = {
+            "vague extent": "In the whole scan, it is unclear how far this reaches. ",
+            "small drawing": "What you drew is smaller than four cells",
+        }
         for reason, beginning in words.items():
             reasons = {first.id: None, second.id: reason}
             monkeypatch.setattr(CloseUpHints, "of", lambda self, state, reasons=reasons: reasons[state.id])

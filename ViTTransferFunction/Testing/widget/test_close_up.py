@@ -16,7 +16,7 @@ from PySide6.QtGui import QColor, QPalette
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QScrollArea
 
-from ViTTransferFunction.Logic.core.classes import close_up_choice
+from ViTTransferFunction.Logic.core.classes import close_up_choice, vague_extent
 from ViTTransferFunction.Logic.core.system.progress import WorkProgress
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.known_features import GRID
@@ -129,11 +129,11 @@ def test_a_closer_look_is_suggested_below_its_button_while_the_structure_is_sele
     monkeypatch.setattr(close_up_choice, "LARGEST_SHARE", 1.0)
     ui = clicked.ui
     assert suggestion(clicked) == ""
-    for tool, shift in ((ui.pointOnButton, 0.0), (ui.pointOffButton, 2.0)):
-        if not tool.isChecked():
-            tool.click()
-        place(clicked, tuple(centre_ras(spheres, 2)[0] + shift))
-        wait_until(lambda: clicked.panel.session.up_to_date and not clicked.panel.session.busy)
+    monkeypatch.setattr(vague_extent, "MUCH_LARGER", 1.0)
+    if not ui.pointOnButton.isChecked():
+        ui.pointOnButton.click()
+    place(clicked, tuple(centre_ras(spheres, 2)[0]))
+    wait_until(lambda: clicked.panel.session.up_to_date and not clicked.panel.session.busy)
     assert '"Look closer" (C) may help' in suggestion(clicked)
     assert ui.lookCloserButton.font().bold()
     assert not ui.messageFrame.isVisible()
@@ -181,7 +181,7 @@ def test_the_suggested_button_follows_when_slicer_goes_from_its_light_style_to_i
     clicked: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Text under a style sheet would stay black."""
-    monkeypatch.setattr(type(clicked.panel.session.close_up_hints), "of", lambda hints, state: "large corrections")
+    monkeypatch.setattr(type(clicked.panel.session.close_up_hints), "of", lambda hints, state: "vague extent")
     clicked.panel.refresh()
     button, light, dark = clicked.ui.lookCloserButton, QApplication.palette(), QApplication.palette()
     assert button.font().bold()
@@ -239,7 +239,7 @@ def test_on_a_small_screen_what_is_told_of_closer_looks_comes_into_sight_but_not
 
     def tell(is_told: bool) -> None:
         if told == "closeUpHintLabel":
-            monkeypatch.setattr(session.close_up_hints, "of", lambda state: "large corrections" if is_told else None)
+            monkeypatch.setattr(session.close_up_hints, "of", lambda state: "vague extent" if is_told else None)
         else:
             monkeypatch.setattr(SceneSession, "looks_closer", is_told)
             monkeypatch.setattr(SceneSession, "progress", WorkProgress(1, 4, "Looking closer at sphere", None))

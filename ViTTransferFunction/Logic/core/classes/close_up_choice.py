@@ -60,8 +60,13 @@ def close_up_of(similarity: ClassMap, points_ras: np.ndarray, geometry: Geometry
 
 def _clicked_part(similarity: ClassMap, points_ras: np.ndarray) -> Box | None:
     """The box of the components of the map above its iso value that hold one of the points; None where none does."""
-    inside = similarity.array >= in_units_of(similarity.array, similarity.iso)
-    components, _ = ndimage.label(inside, _NEIGHBOURS)
+    return bounding_box(clicked_components(similarity, points_ras, similarity.iso))
+
+
+def clicked_components(similarity: ClassMap, points_ras: np.ndarray, threshold: float) -> np.ndarray:
+    """(K, J, I) bool: the components of a map of at least `threshold`, in [0, 1], that hold one of the points (N, 3)."""
+    components, _ = ndimage.label(similarity.array >= in_units_of(similarity.array, threshold), _NEIGHBOURS)
     places = similarity.geometry.nearest_voxels(points_ras[similarity.geometry.contains(points_ras)])
     numbers = components[tuple(places.T)]
-    return bounding_box(np.isin(components, numbers[numbers > 0]))
+    held: np.ndarray = np.isin(components, numbers[numbers > 0])
+    return held

@@ -76,11 +76,6 @@ class WatchedClasses:
         self.restart()
 
     @property
-    def continued(self) -> bool:
-        """Whether the last change belongs to the step for undo before it, as each point of a stroke but the first does."""
-        return self._history.continued
-
-    @property
     def can_undo(self) -> bool:
         """Whether a change of classes or points can be taken back."""
         return self._history.can_undo

@@ -15,16 +15,12 @@ class AnnotationHistory(Generic[State]):
 
     Args:
         first: the state to begin with. States are compared with ==, and must not change.
-
-    Attributes:
-        continued: whether the state that was recorded last belongs to the step before, as those of one stroke do.
     """
 
     def __init__(self, first: State) -> None:
         self._states = [first]
         self._current = 0
         self._last_kind: str | None = None
-        self.continued = False
 
     def record(self, state: State, kind: str | None = None) -> bool:
         """Make `state` the current one, and forget what had been undone.
@@ -41,10 +37,10 @@ class AnnotationHistory(Generic[State]):
             self.correct(state)
             return False
         del self._states[self._current + 1 :]
-        self.continued = kind is not None and kind == self._last_kind and self._current > 0
-        if self.continued:
+        continued = kind is not None and kind == self._last_kind and self._current > 0
+        if continued:
             del self._states[-1]
-        if self.continued and state == self._states[-1]:
+        if continued and state == self._states[-1]:
             self._states[-1] = state
             kind = None  # Or what comes next would belong to the step before this one.
         else:

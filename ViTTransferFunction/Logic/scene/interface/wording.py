@@ -15,7 +15,7 @@ from ...rendering.appearance import STYLES
 from .shortcuts import SHORTCUTS
 from .translation import tr as _
 
-CloserLookReason = Literal["large corrections", "small drawing", "small outline"]
+CloserLookReason = Literal["vague extent", "small drawing", "small outline"]
 """Why a closer look may help, or, the last, is being had without having been asked for; see `CloseUpHints`."""
 
 _SMALL_SPECIMEN = 0.75
@@ -76,7 +76,9 @@ def closer_look_text(reason: CloserLookReason | None) -> str:
         return ""
     key = next(shortcut.key for shortcut in SHORTCUTS if shortcut.action == "lookCloser")
     words = {
-        "large corrections": _('Large corrections so far. If the structure is small or thin, "Look closer" ({key}) may help.'),
+        "vague extent": _(
+            'In the whole scan, it is unclear how far this reaches. If it is small or thin, "Look closer" ({key}) may help.'
+        ),
         "small drawing": _(
             'What you drew is smaller than four cells of the scan. If the structure is compact, "Look closer" ({key}) may help.'
         ),

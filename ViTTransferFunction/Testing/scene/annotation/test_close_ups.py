@@ -233,17 +233,17 @@ def wait_until_under_way(session: SceneSession) -> None:
     assert session.progress is not None
 
 
-def test_a_closer_look_is_suggested_after_large_corrections_until_there_is_one(
+def test_a_closer_look_is_suggested_for_what_is_vague_until_there_is_one(
     session: SceneSession, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("ViTTransferFunction.Logic.core.classes.close_up_choice.LARGEST_SHARE", 1.0)
-    id_ = correct_grossly(session, spheres)
-    assert session.close_up_hints.of(session.classes[0]) == "large corrections"
-    session.annotations.undo()
-    assert session.close_up_hints.of(session.classes[0]) is None
-    session.annotations.redo()
-    assert session.close_up_hints.of(session.classes[0]) == "large corrections"
+    monkeypatch.setattr("ViTTransferFunction.Logic.core.classes.vague_extent.MUCH_LARGER", 1.0)
+    (id_, *_) = annotate(session, spheres)
+    assert session.close_up_hints.of(session.classes[0]) == "vague extent"
     session.close_ups.look_closer(id_)
+    assert session.close_up_hints.of(session.classes[0]) is None
+    session.close_ups.look_at_whole(id_)
+    session.wait()
     assert session.close_up_hints.of(session.classes[0]) is None
     assert session.take_error() is None
 
@@ -335,35 +335,6 @@ def test_a_small_outline_of_what_is_shown_so_stays_in_the_whole(
     session.regions.add_outline(id_, outline_in_sphere(spheres, 1.0))
     session.wait()
     assert (session.classes[0].close_up, session.close_up_hints.of(session.classes[0])) == (None, None)
-
-
-def test_other_volumes_and_other_sessions_know_nothing_of_large_corrections(
-    slicer_app: Any, session: SceneSession, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("ViTTransferFunction.Logic.core.classes.close_up_choice.LARGEST_SHARE", 1.0)
-    correct_grossly(session, spheres)
-    node, volume = session.parameters.node, session.parameters.volume
-    session.set_volume(None)
-    session.set_volume(volume)
-    session.wait()
-    assert (session.phase, session.close_up_hints.of(session.classes[0])) == ("ready", None)
-    session.close()
-    again = SceneSession(slicer_app.scene, slicer_app.app_logic, node)
-    again.wait()
-    assert (again.phase, again.close_up_hints.of(again.classes[0])) == ("ready", None)
-    again.annotations.add_points(again.classes[0].id, centre_ras(spheres, 2) + 1.0, positive=False)
-    again.wait()
-    assert again.close_up_hints.of(again.classes[0]) is None
-    again.close()
-
-
-def correct_grossly(session: SceneSession, spheres: Spheres) -> str:
-    """Click on the first sphere, then on another, of which nothing is shown yet, and take that back; returns the class's id."""
-    id_ = session.annotations.add_class("sphere").id
-    for label, positive in ((1, True), (2, True), (2, False)):
-        session.annotations.add_points(id_, centre_ras(spheres, label) + (0.0 if positive else 2.0), positive)
-        session.wait()
-    return id_
 
 
 def test_a_box_that_could_not_be_looked_at_is_told_and_tried_again(session: SceneSession, spheres: Spheres) -> None:

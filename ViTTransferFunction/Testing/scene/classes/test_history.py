@@ -48,18 +48,6 @@ def test_a_row_of_steps_that_leads_back_is_none_and_what_follows_does_not_belong
     assert [history.undo(), history.undo()] == [1, 0]
 
 
-def test_what_belongs_to_the_step_before_is_told_from_what_does_not() -> None:
-    history = AnnotationHistory(0)
-    continued = []
-    for value, kind in ((1, "stroke"), (2, "stroke"), (3, None), (4, "stroke"), (5, "stroke")):
-        history.record(value, kind)
-        continued.append(history.continued)
-    assert continued == [False, True, False, False, True]
-    history.seal()
-    history.record(6, "stroke")
-    assert not history.continued
-
-
 def test_a_seal_ends_a_row_of_steps() -> None:
     history = AnnotationHistory(0)
     history.record(1, kind="stroke")
