@@ -32,6 +32,7 @@ from ViTTransferFunction.Widget.section_headers import SectionHeaders
 from ViTTransferFunction.Widget.shortcut_help import ShortcutHelp
 from ViTTransferFunction.Widget.shortcuts import Shortcuts
 from ViTTransferFunction.Widget.size_controls import SizeControls
+from ViTTransferFunction.Widget.spoken_names import name_as_labelled
 from ViTTransferFunction.Widget.unsaved_points import UnsavedPoints
 from ViTTransferFunction.Widget.views import DrawingOrder, points_of_3d_views, view_windows
 from ViTTransferFunction.Widget.volume_section import VolumeSection
@@ -75,6 +76,7 @@ class Panel:
         self._height = PanelHeight(ui.messageFrame.parent())
         self._copied = CopiedText(ui.messageLabel)
         self._headers = SectionHeaders(ui)
+        name_as_labelled(ui)
         report = ErrorReport(self._messages, lambda: (self.session, self._classes()))
         self.tools = AnnotationTools(ui, report)
         self._table = ClassTable(ui, report, on_added=self._on_class_added)

@@ -15,7 +15,7 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
 from PySide6.QtCore import QLocale, QObject, Qt
-from PySide6.QtGui import QColor, QKeySequence, QPalette
+from PySide6.QtGui import QAccessible, QColor, QKeySequence, QPalette
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import (
     QAbstractButton,
@@ -26,6 +26,7 @@ from PySide6.QtWidgets import (
     QDoubleSpinBox,
     QLabel,
     QLineEdit,
+    QListView,
     QProgressBar,
     QScrollArea,
     QWidget,
@@ -816,3 +817,19 @@ def test_brushes_and_the_unit_of_volumes_suit_the_size_of_the_scan(widget: Any, 
     wait_until(lambda: brush.maximum == before[1])
     assert offered() == pytest.approx(before)
     assert widget.ui.classTable.horizontalHeaderItem(6).text() == "ml"
+
+
+def test_screen_readers_and_dictation_know_what_each_slider_list_box_and_button_is_called(widget: Any) -> None:
+    fields = [field for field in vars(widget.ui).values() if isinstance(field, QWidget)]
+    parts = {part for field in fields for part in (field, *field.findChildren(QWidget)) if is_told_of_by_its_name(part)}
+    said = {part: QAccessible.queryAccessibleInterface(part).text(QAccessible.Text.Name) for part in parts}
+    assert [part.objectName() for part, name in said.items() if not any(map(str.isalnum, name))] == []
+    brush, volume = widget.ui.brushSizeSlider.findChild(QDoubleSpinBox), widget.ui.volumeSelector.findChild(QComboBox)
+    assert said[brush] == "Brush size"
+    assert volume.accessibleName() == "Volume", "which Qt says, but on Linux, where it says what is chosen"
+
+
+def is_told_of_by_its_name(field: QWidget) -> bool:
+    """Whether Tab leads there, though not to the list that a box opens, of which entries are told."""
+    reached = field.focusPolicy() & Qt.FocusPolicy.TabFocus and field.focusProxy() is None
+    return bool(reached) and not isinstance(field, QListView)
