@@ -63,9 +63,14 @@ class SceneRegions:
         """Add points within a closed border (N, 3), RAS millimetres in one plane, to a class.
 
         Raises:
-            InputError: none of them lies in the volume.
+            InputError: it encloses no area, or no point within it lies in the volume.
         """
-        self._add(id_, points_within_outline(border_ras, self._body_scale()), positive)
+        points_ras = points_within_outline(border_ras, self._body_scale())
+        if not len(points_ras):
+            raise InputError(
+                "The region encloses nothing, so no points were added. Drag a box from corner to corner, a line around a part."
+            )
+        self._add(id_, points_ras, positive)
 
     def add_outline(self, id_: str, outline_ras: np.ndarray) -> None:
         """Add points to a class whose structure ends where a closed outline goes, (N, 3) RAS millimetres in one plane.

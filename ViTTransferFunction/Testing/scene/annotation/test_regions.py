@@ -69,6 +69,14 @@ def test_of_a_region_that_leaves_the_volume_the_points_within_it_count(slicer_ap
     assert len(points_of(session)) == len(points)
 
 
+def test_a_region_that_was_drawn_as_a_straight_line_in_the_volume_is_not_said_to_lie_beside_it(session: SceneSession) -> None:
+    (state,) = session.classes
+    there_and_back = np.array([[10.0, 5.0, 0.0], [10.0, 5.0, 40.0], [10.0, 5.0, 20.0]])
+    for line in (there_and_back, SQUARE[[0, 0, 3, 3]], SQUARE[[0, 2]]):
+        with pytest.raises(InputError, match="encloses nothing"):
+            session.regions.add_region(state.id, line, positive=True)
+
+
 def add_curve(scene: Any, name: str, *points: np.ndarray) -> Any:
     curve = scene.AddNewNodeByClass("vtkMRMLMarkupsClosedCurveNode", name)
     for point in points:
