@@ -152,27 +152,13 @@ class UnsavedPoints:
         if self._file is None or (session.classes == self._kept and instead_of is None):
             return
         self._kept = session.classes
-        annotated = []
-        if not self.all_saved:
-            try:
-                annotated = session.file_classes.annotated()
-            except InputError as error:
-                names = [state.name for state in session.classes]
-                if len(set(names)) < len(names):
-                    self._tell(error)
-                    return
-                # No structure has a point in the scan any more, or yet.
-        file, model = self._file, session.parameters.get("usedModel")
-
-        def keep() -> None:
-            if annotated:
-                file.write(annotated, self._scan_path, model)
-            else:
-                file.remove()
-            if instead_of is not None:
-                remove_left(instead_of.path)
-
-        self._have_done(keep)
+        try:
+            classes = [] if self.all_saved else session.file_classes.to_keep()
+        except InputError as error:
+            self._tell(error)
+            return
+        model = session.parameters.get("usedModel")
+        self._have_done(partial(self._file.keep, classes, self._scan_path, model, instead_of))
 
     async def _done(self, work: Callable[[], _Result]) -> _Result:
         return await asyncio.get_running_loop().run_in_executor(self._disk, work)

@@ -122,27 +122,13 @@ class UnsavedPoints(Section):
         if scan.key != self._key_of_now():
             return  # It is gone, and so are its structures: what was kept of them stays.
         scan.kept = session.classes
-        annotated = []
-        if scan.kept != scan.saved:
-            try:
-                annotated = session.file_classes.annotated()
-            except InputError as error:
-                names = [state.name for state in session.classes]
-                if len(set(names)) < len(names):
-                    self._tell(error)
-                    return
-                # No structure has a point in the scan any more, or yet.
+        try:
+            classes = [] if scan.kept == scan.saved else session.file_classes.to_keep()
+        except InputError as error:
+            self._tell(error)
+            return
         model = session.parameters.get("usedModel")
-
-        def keep() -> None:
-            if annotated:
-                scan.file.write(annotated, scan.path, model)
-            else:
-                scan.file.remove()
-            if instead_of is not None:
-                remove_left(instead_of.path)
-
-        self._have_done(keep, lambda _: self._tell(None))
+        self._have_done(partial(scan.file.keep, classes, scan.path, model, instead_of), lambda _: self._tell(None))
 
     def mark_saved(self) -> None:
         """The structures of the scan are saved elsewhere as they were looked at last."""

@@ -100,6 +100,25 @@ class UnsavedFile:
             ) from error
         _remove_oldest(path)
 
+    def keep(self, classes: Sequence[AnnotatedClass], scan_path: str, model: str, instead_of: LeftPoints | None = None) -> None:
+        """As `write`; none is written of no structures. Then what was left before may go.
+
+        Args:
+            classes: the structures.
+            scan_path: as there.
+            model: as there.
+            instead_of: what they were restored from; None: from nothing.
+
+        Raises:
+            InputError: they cannot be written; what was left stays.
+        """
+        if classes:
+            self.write(classes, scan_path, model)
+        else:
+            self.remove()
+        if instead_of is not None:
+            remove_left(instead_of.path)
+
     def remove(self) -> None:
         """Remove it: everything is saved elsewhere."""
         if self._lock is not None:

@@ -79,6 +79,15 @@ class FileClasses:
         annotated = annotated_classes(self._annotations.classes, self._maps.requests, self.geometry)
         return [replace(each, placed_on=self._scan_of_points.thumbnail) for each in annotated]
 
+    def to_keep(self) -> list[AnnotatedClass]:
+        """As `annotated`, but none where no class has a point in the volume any more, or yet.
+
+        Raises:
+            InputError: two classes have one name.
+        """
+        has_points = any(self._maps.requests.of(state.id) is not None for state in self._annotations.classes)
+        return self.annotated() if has_points else []
+
     def add(self, annotated: Sequence[AnnotatedClass]) -> None:
         """Add classes as an annotation file has them, unless they are there already, and select the first; one step for undo.
 
