@@ -48,6 +48,8 @@ def set_points(node: slicer.vtkMRMLMarkupsNode, points: tuple[Point, ...], prope
         points: world positions, RAS millimetres.
         properties: of points that are not there yet; one that has none gets a label from Slicer, at the list's end.
     """
+    # Slicer draws all points anew for each that comes or goes, but once where they do so together.
+    was_modifying = node.StartModify()
     was_fixed = node.GetFixedNumberOfControlPoints()
     node.SetFixedNumberOfControlPoints(False)  # The lock of Slicer's table of points, against clicks by mistake.
     _remove_unplaced(node)
@@ -64,6 +66,7 @@ def set_points(node: slicer.vtkMRMLMarkupsNode, points: tuple[Point, ...], prope
                 point = points[first + index]
                 _place(node, start + index, point, properties.get(point, ()))
     node.SetFixedNumberOfControlPoints(was_fixed)
+    node.EndModify(was_modifying)
 
 
 def _defined(node: slicer.vtkMRMLMarkupsNode) -> Iterator[int]:
