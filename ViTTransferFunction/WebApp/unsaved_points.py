@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from ..Logic.core.system.errors import InputError
-from ..Logic.files.unsaved_files import LeftPoints, UnsavedFile, remove_left
+from ..Logic.files.unsaved_files import DELAY_S, LONGEST_DELAY_S, LeftPoints, UnsavedFile, remove_left
 from ..Logic.scene.classes.class_state import ClassState
 from ..Logic.scene.interface.wording import not_kept_text, unusable_text
 from ..Logic.scene.volumes.volume_nodes import array_from_node
@@ -19,10 +19,8 @@ from ..Logic.scene.volumes.volume_nodes import array_from_node
 if TYPE_CHECKING:
     from .app import WebApp
 
-DELAY_S = 1.0
-"""From a change until it is written: clicks come in rows, and the answer to one is there by then."""
-LONGEST_DELAYS = 10
-"""For how many times as long an answer is waited for that does not come: what was clicked is more important then."""
+LONGEST_DELAYS = round(LONGEST_DELAY_S / DELAY_S)
+"""So many times the loop waits for an answer that does not come."""
 
 Classes = tuple[ClassState, ...]
 _Result = TypeVar("_Result")

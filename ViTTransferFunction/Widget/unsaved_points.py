@@ -15,7 +15,7 @@ from zipfile import is_zipfile
 import slicer
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
-from ViTTransferFunction.Logic.files.unsaved_files import LeftPoints, UnsavedFile, remove_left
+from ViTTransferFunction.Logic.files.unsaved_files import DELAY_S, LONGEST_DELAY_S, LeftPoints, UnsavedFile, remove_left
 from ViTTransferFunction.Logic.scene.classes.class_nodes import points_are_in_files
 from ViTTransferFunction.Logic.scene.classes.class_state import ClassState
 from ViTTransferFunction.Logic.scene.interface.wording import not_kept_text, not_saved_text, unusable_text
@@ -23,11 +23,6 @@ from ViTTransferFunction.Logic.scene.volumes.volume_content import first_frame
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import array_from_node
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.wording import breakable
-
-DELAY_S = 1.0
-"""From a change until it is written: clicks come in rows, and the answer to one is there by then."""
-LONGEST_DELAY_S = 10.0
-"""For so long an answer is waited for that does not come: what was clicked is more important then."""
 
 _LEAVE_S = 0.001
 """For so long `advance` leaves Python to the thread: Slicer's event loop holds Python's lock while it idles."""

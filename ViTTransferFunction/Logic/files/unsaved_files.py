@@ -29,6 +29,11 @@ from ..core.volumes.volume import Volume
 from .annotation_files import ANNOTATIONS_ENDING, read_annotations, write_annotations
 from .json_files import read_json
 
+DELAY_S = 1.0
+"""From a change until it is written: clicks come in rows, and the answer to one is there by then."""
+LONGEST_DELAY_S = 10.0
+"""For so long an answer is waited for that does not come: what was clicked is more important then."""
+
 MOST_FILES = 20
 """That are kept: scans of some days of work."""
 MOST_BYTES = 64 << 20
@@ -71,7 +76,7 @@ class UnsavedFile:
     """
 
     def __init__(self, array: np.ndarray, geometry: Geometry) -> None:
-        self._array = array
+        self._array: np.ndarray | None = array
         self._geometry = geometry
         self._lock: int | None = None
 
@@ -157,7 +162,10 @@ class UnsavedFile:
     @cached_property
     def _scan(self) -> str:
         """A name for the scan, by its voxels and where they lie, whatever its own file is called."""
+        assert self._array is not None
         digest = hashlib.sha256(Volume(self._array, self._geometry).digest)
+        # The scan may be removed while its structures are still kept: its voxels are not.
+        self._array = None
         # Without the sign of zero.
         digest.update((self._geometry.ijk_to_ras.round(PLACE_DIGITS) + 0.0).tobytes())
         return digest.hexdigest()[:32]
