@@ -15,7 +15,7 @@ import numpy as np
 
 from ViTTransferFunction.CommandLine.close_ups import check_close_ups, requests_with_close_ups
 from ViTTransferFunction.CommandLine.package_versions import THIS_PROGRAM, package_version
-from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
+from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass, scan_of
 from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest, check_requests
 from ViTTransferFunction.Logic.core.system.progress import Progress, no_progress
 from ViTTransferFunction.Logic.core.system.stopwatch import peak_memory_bytes
@@ -93,7 +93,7 @@ def _warn_of_nothing_there(request: ClassRequest, volume: Volume, on_warning: Ca
 
 
 def _warn_of_other_scan(classes: Sequence[AnnotatedClass], volume: Volume, on_warning: Callable[[str], None]) -> None:
-    placed_on = next((annotated.placed_on for annotated in classes if annotated.placed_on is not None), None)
+    placed_on = scan_of(classes)
     if placed_on is not None and not placed_on.may_be_of(volume.array, volume.geometry):
         on_warning(
             f"The points were placed on a scan that looks different from '{volume.name}', perhaps another patient's. Check "

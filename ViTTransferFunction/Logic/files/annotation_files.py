@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..core.classes.annotated_class import AnnotatedClass
+from ..core.classes.annotated_class import AnnotatedClass, scan_of
 from ..core.classes.class_request import ClassRequest, as_points, check_name, no_points
 from ..core.classes.close_up import CloseUp
 from ..core.classes.colors import Color, default_color
@@ -83,7 +83,7 @@ def write_annotations(classes: Sequence[AnnotatedClass], path: Path, about: Mapp
 
 def _placed_on_field(classes: Sequence[AnnotatedClass]) -> str:
     """Of the whole file: programs that do not know it refuse unknown fields of classes only."""
-    placed_on = next((each.placed_on for each in classes if each.placed_on is not None), None)
+    placed_on = scan_of(classes)
     return "" if placed_on is None else f',\n "{_PLACED_ON}": "{placed_on.to_text()}"'
 
 

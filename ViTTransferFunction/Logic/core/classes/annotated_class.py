@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -41,3 +42,8 @@ class AnnotatedClass:
     def name(self) -> str:
         """What the user calls the class."""
         return self.request.name
+
+
+def scan_of(classes: Sequence[AnnotatedClass]) -> Thumbnail | None:
+    """What the scan showed that the points of some classes were placed on, all of a file or of a scene; None: not known."""
+    return next((each.placed_on for each in classes if each.placed_on is not None), None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from ...core.classes.annotated_class import AnnotatedClass
+from ...core.classes.annotated_class import AnnotatedClass, scan_of
 from ...core.system.errors import InputError
 from ...core.volumes.geometry import Geometry
 from ..classes.annotated_classes import annotated_classes, class_states, restored_states
@@ -99,7 +99,7 @@ class FileClasses:
         """
         states = class_states(annotated, self._annotations.classes, self._parameters.volume, self.geometry)
         self._annotations.add_classes(states)
-        self._scan_of_points.add([state.id for state in states], annotated[0].placed_on)
+        self._scan_of_points.add([state.id for state in states], scan_of(annotated))
         self._selected.select(states[0].id)
         unchosen = [each.name for each in annotated if each.close_up_from_map]
         if unchosen:
