@@ -6,7 +6,7 @@ echo time is; or, where each slice has its own, as with the time at which it was
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from operator import itemgetter
@@ -22,6 +22,9 @@ SAME_HEIGHT_MM = 0.001
 
 SAME_PLACE_MM = 0.1
 """By which slices at one height may lie off each other within their plane."""
+
+NOON, MIDNIGHT = 120000.0, 240000.0
+"""As DICOM writes times of day, HHMMSS."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +135,7 @@ def _by_value(placed: _Placed, trait: Trait) -> list[tuple[str, _Placed]] | None
         parts.setdefault(trait.value(one), []).append((place, one))
     if len(parts) < 2 or not set.intersection(*({place for place, _ in part} for part in parts.values())):
         return None
-    values = sorted(parts, key=_in_order)
+    values = sorted(parts, key=_order_of(trait, parts))
     names = _image_types(values) if trait is IMAGE_TYPE else values
     return [(trait.told(name), parts[value]) for name, value in zip(names, values, strict=True)]
 
@@ -140,11 +143,11 @@ def _by_value(placed: _Placed, trait: Trait) -> list[tuple[str, _Placed]] | None
 def _by_order(placed: _Placed, trait: Trait) -> list[_Volume] | None:
     """Slices that have the lowest value at each place, then those that have the second, where each place has as many."""
     at_places = [[one for _, one in group] for _, group in groupby(placed, key=itemgetter(0))]
-    count = len(at_places[0])
-    keys = [{_in_order(trait.value(one)) for one in at_place} for at_place in at_places]
+    count, order = len(at_places[0]), _order_of(trait, (trait.value(one) for _, one in placed))
+    keys = [{order(trait.value(one)) for one in at_place} for at_place in at_places]
     if any(len(at_place) != count or len(distinct) != count for at_place, distinct in zip(at_places, keys, strict=True)):
         return None
-    in_order = [sorted(at_place, key=lambda one: _in_order(trait.value(one))) for at_place in at_places]
+    in_order = [sorted(at_place, key=lambda one: order(trait.value(one))) for at_place in at_places]
     return [
         ((f"{rank + 1} of {count} by {trait.order}",), [(place, ones[rank]) for place, ones in enumerate(in_order)])
         for rank in range(count)
@@ -157,6 +160,19 @@ def _image_types(values: Sequence[str]) -> list[str]:
     common = set.intersection(*map(set, parts))
     short = ["\\".join(part for part in each if part not in common) for each in parts]
     return short if len(set(short)) == len(short) and all(short) else list(values)
+
+
+def _order_of(trait: Trait, values: Iterable[str]) -> Callable[[str], tuple[float, str]]:
+    """How values of a trait are sorted. Times of day that are more than half a day apart were taken around midnight."""
+    numbers = [number for value in values if (number := number_of(value)) is not None]
+    if trait.order != "time" or not numbers or max(numbers) - min(numbers) < NOON:
+        return _in_order
+
+    def around_midnight(value: str) -> tuple[float, str]:
+        number, text = _in_order(value)
+        return (number + MIDNIGHT if 0.0 <= number < NOON else number), text
+
+    return around_midnight
 
 
 def _in_order(value: str) -> tuple[float, str]:

@@ -62,6 +62,7 @@ def offered(folder: Path) -> list[str]:
         ("0020|0100", ("2", "11"), ("time point 2", "time point 11")),
         (ACQUISITION, ("9", "10"), ("acquisition 9", "acquisition 10")),
         (ACQUIRED, ("120005.250000", "120035"), ("at 12:00:05.25", "at 12:00:35")),
+        (ACQUIRED, ("235950", "000020.5"), ("at 23:59:50", "at 00:00:20.5")),
         ("0008|0033", ("090005", "100035"), ("at 09:00:05", "at 10:00:35")),
     ],
 )  # fmt: skip
@@ -88,6 +89,12 @@ def test_where_each_slice_has_a_value_of_its_own_volumes_are_told_by_their_order
     """As of a beating heart, whose slices are taken one after the other."""
     write(tmp_path, lambda volume, k: {tag: str(95000 + 300 * k + 7 * volume)}, (4, 4, 4), mixed)
     assert offered(tmp_path) == [f"5: Liver, {number} of 3 by {told} (MR, 7×6×4)" for number in (1, 2, 3)]
+
+
+def test_volumes_that_were_taken_around_midnight_are_not_mixed(tmp_path: Path) -> None:
+    times = (("235956", "235958", "000000", "000002"), ("000004", "000006", "000008", "000010"))
+    write(tmp_path, lambda volume, k: {ACQUIRED: times[volume][k]})
+    assert offered(tmp_path) == [f"5: Liver, {number} of 2 by time (MR, 7×6×4)" for number in (1, 2)]
 
 
 def test_acquisitions_that_take_turns_at_two_halves_are_no_volumes_but_their_order_is(tmp_path: Path) -> None:
