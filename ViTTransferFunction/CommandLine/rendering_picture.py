@@ -176,15 +176,18 @@ def text_size(height: int) -> int:
 
 def _context(volume: Volume, segments: Sequence[PictureSegment], threshold: float) -> PictureSegment:
     """What is brighter than `threshold` and belongs to no segment, small pieces left out; may be empty."""
-    intensities = np.nan_to_num(volume.array.astype(np.float32), posinf=threshold)
+    intensities = np.nan_to_num(volume.array.astype(np.float32), copy=False, posinf=threshold)
     bright = intensities > threshold
     taken = np.logical_or.reduce([segment.mask for segment in segments])
     # A bright segment has a bright rim, which would wrap it in a shell.
     bright &= ~(taken | binary_dilation(taken & bright, iterations=2))
-    pieces, _ = label(bright, structure=np.ones((3, 3, 3)))
-    sizes_mm3 = np.bincount(pieces.ravel()) * volume.geometry.voxel_volume_mm3
-    sizes_mm3[0] = 0.0
-    mask = (sizes_mm3 >= volume.geometry.body_scale**3 * SMALLEST_CONTEXT_MM3)[pieces]
+    pieces, count = label(bright, structure=np.ones((3, 3, 3)))
+    sizes = np.zeros(count + 1, dtype=int)
+    for of_slice in pieces:  # Of all at once, a copy of eight bytes a voxel would be made.
+        sizes += np.bincount(of_slice.ravel(), minlength=count + 1)
+    large = sizes * volume.geometry.voxel_volume_mm3 >= volume.geometry.body_scale**3 * SMALLEST_CONTEXT_MM3
+    large[0] = False
+    mask = large[pieces]
     return PictureSegment("context", CONTEXT_COLOR, CONTEXT_OPACITY, mask, similarity=intensities, iso=threshold)
 
 
