@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.volumes.geometry import Box, Geometry
-from ViTTransferFunction.Logic.core.volumes.resampling import FixedPlaces, corners_around, resample_labels, sample_at
+from ViTTransferFunction.Logic.core.volumes.resampling import (
+    FixedPlaces,
+    corners_around,
+    interpolated,
+    resample_labels,
+    sample_at,
+)
 
 LABELS = np.random.default_rng(0).integers(0, 5, (6, 7, 8)).astype(np.uint8)
 SOURCE = np.diag([0.9, 1.3, 2.1, 1.0])
@@ -75,3 +81,26 @@ def test_places_that_are_kept_give_the_samples_of_each_map_also_beyond_the_borde
         sampled = places.sample(values[box], box, elsewhere)
         np.testing.assert_array_equal(sampled, np.where(from_box, expected, elsewhere))
         assert from_box.any() == (values[box].size > 0)
+
+
+def test_samples_of_what_changes_evenly_are_right_between_voxels_and_stay_what_they_are_at_the_border() -> None:
+    geometry = Geometry(
+        (4, 5, 6), np.array([[0.0, -2.0, 0.5, 5.0], [1.5, 0.0, 0.0, 0.0], [0.0, 0.3, 3.0, -4.0], [0, 0, 0, 1.0]])
+    )
+    kji = np.random.default_rng(4).uniform(-1.0, 6.0, (200, 3))
+    values = (np.indices(geometry.shape) * np.array([100.0, 10.0, 1.0])[:, None, None, None]).sum(axis=0)
+    expected = np.clip(kji, 0.0, np.array(geometry.shape) - 1) @ [100.0, 10.0, 1.0]
+    sampled = sample_at(values[..., None], geometry, geometry.ijk_to_ras_points(kji[:, ::-1]))[:, 0]
+    np.testing.assert_allclose(sampled, expected, rtol=1e-5, atol=1e-4)
+
+
+def test_cubic_values_are_those_of_the_filter_of_mitchell_and_netravali() -> None:
+    """Which leaves 8/9 of a single cell, gives 1/18 to those beside it, and keeps even changes."""
+    line = np.zeros((1, 1, 9))
+    line[..., 4] = 1.0
+    along = (np.zeros(1), np.zeros(1), np.arange(9.0))
+    expected = [0.0, 0.0, 0.0, 1 / 18, 8 / 9, 1 / 18, 0.0, 0.0, 0.0]
+    np.testing.assert_allclose(interpolated(line, along, cubic=True)[0, 0], expected, atol=1e-6)
+    between = np.linspace(1.0, 7.0, 50)
+    even = interpolated(np.arange(9.0).reshape(9, 1, 1), (between, np.zeros(1), np.zeros(1)), cubic=True)[:, 0, 0]
+    np.testing.assert_allclose(even, between, atol=1e-5)
