@@ -103,11 +103,16 @@ def test_sizes_and_places_in_any_unit_are_read_in_millimetres(
     np.testing.assert_allclose(volume.geometry.ijk_to_ras[:3], ijk_to_ras, rtol=1e-5, atol=1e-5)
 
 
-def test_of_a_tilted_gantry_that_only_the_matrix_tells_of_there_is_a_warning(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("units", "in_a_millimetre"), [(METRES, 1e-3), (MILLIMETRES, 1.0)])
+def test_of_a_tilted_gantry_that_only_the_matrix_tells_of_there_is_a_warning(
+    tmp_path: Path, units: int, in_a_millimetre: float
+) -> None:
     """ITK goes by the rotation then, and so does Slicer."""
-    slanted = np.array([[-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, -0.9, 0.0], [0.0, 0.0, 3.0, 0.0]])
+    slanted = np.array([[-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, -0.9, 0.0], [0.0, 0.0, 3.0, 0.0]]) * in_a_millimetre
+    voxel = np.array([1.0, 1.0, 3.0]) * in_a_millimetre
+    fields = {"xyzt_units": units, "pixdim": [1, *voxel, 0, 0, 0, 0], "qform_code": 1}
     warnings: list[str] = []
-    volume = read_volume(written(tmp_path, srow=slanted, qform_code=1), warnings.append)
+    volume = read_volume(written(tmp_path, srow=slanted, **fields), warnings.append)
     np.testing.assert_allclose(volume.geometry.spacing_mm, [1.0, 1.0, 3.0])
     assert ["shifted against each other by up to 6.3 mm" in warning for warning in warnings] == [True]
 
