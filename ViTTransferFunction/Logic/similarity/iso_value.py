@@ -41,8 +41,8 @@ REFINED_SOFTNESS = 0.1
 """For refined maps, in the logarithm of how much the volume changes: what edge strength counts, and as `SOFTNESS`."""
 STABILITY_FLOOR = 0.02
 """Volumes that change by less than this share, per unit of the map's logarithm, count as equally stable."""
-STABILITY_SAMPLES = 500_000
-"""About so many voxels of what is held of a refined map are looked at, spread evenly; of twice as many, all."""
+STABILITY_SAMPLES = 1_000_000
+"""No more voxels of what is held of a refined map are looked at, spread evenly: more would only take longer."""
 VALUES_AT_ONCE = 2**17
 """Of these, so many at once: a click does not have to wait for the others."""
 LOWEST_LEVEL = 0.01
@@ -197,7 +197,7 @@ def choose_refined_iso(
     """The iso value of a refined map: along strong edges, where the volume that it encloses changes little.
 
     Args:
-        voxels: values of the map in [0, 1], of any shape, and how many voxels each stands for (`VoxelMap.spread`); about
+        voxels: values of the map in [0, 1], of any shape, and how many voxels each stands for (`VoxelMap.spread`);
             `STABILITY_SAMPLES` are enough.
         similarity: as for `choose_iso_by_edges`, of the refined map.
         edge_strength: at the same places.

@@ -30,6 +30,7 @@ from ..core.classes.class_request import ClassRequest, different_places
 from ..core.classes.iso_proposals import IsoProposals
 from ..core.system.progress import Between, nothing_between, one_at_a_time
 from ..core.system.side_thread import Finish, side_thread
+from ..core.volumes.orientation import canonical_orientation
 from ..core.volumes.resampling import FixedPlaces, sample_at
 from ..core.volumes.volume import Volume
 from ..core.volumes.voxel_map import VoxelMap
@@ -239,7 +240,7 @@ class KernelRidge:
         prior = refined_prior(coarse.prior, coarse_at_positives, at_positives)
         edge_strength = self._intensities.edge_strength
         components = self._components(requests, index)
-        spread = similarity.spread(STABILITY_SAMPLES)
+        spread = similarity.spread(STABILITY_SAMPLES, canonical_orientation(self._volume_geometry))
         iso = choose_refined_iso(spread, at_cells, edge_strength, at_positives, prior, components, between)
         return proposals_around(iso, at_positives)
 

@@ -133,14 +133,10 @@ def full_range_window(volume: Volume) -> IntensityWindow:
 def finite_sample(volume: Volume) -> np.ndarray:
     """Finite voxels, (N,): where there are many, every n-th along each axis, the same ones however a scan is stored.
 
-    Every n-th of a flattened array would be of a few columns alone where rows are as long as a multiple of n. Whole numbers of
-    up to 16 bits are int32, which `quantiles` counts; all else is float64.
+    Whole numbers of up to 16 bits are int32, which `quantiles` counts; all else is float64.
     """
-    array = canonical_orientation(volume.geometry).to_canonical(volume.array)
-    steps = [1, 1, 1]
-    while math.prod(left := [-(-size // step) for size, step in zip(array.shape, steps, strict=True)]) > SAMPLE_SIZE:
-        steps[int(np.argmax(left))] += 1
-    spread = np.ascontiguousarray(array[tuple(slice(step // 2, None, step) for step in steps)])
+    array = volume.array
+    spread = np.ascontiguousarray(canonical_orientation(volume.geometry).spread(array, SAMPLE_SIZE))
     if np.issubdtype(spread.dtype, np.integer) and spread.dtype.itemsize <= 2:
         return spread.ravel().astype(np.int32)
     finite = spread[np.isfinite(spread)]

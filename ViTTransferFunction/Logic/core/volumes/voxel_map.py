@@ -16,6 +16,7 @@ import numpy as np
 
 from .bounding_box import bounding_box, common_box, common_part, covering_box, whole_box, within
 from .geometry import Box, Geometry
+from .orientation import Orientation
 from .resampling import FixedPlaces, corners_around
 
 ROUNDING = 1e-6
@@ -113,21 +114,21 @@ class VoxelMap:
         """
         return centres.sample(self.held, self.box, self.coarse.ravel()[cells])
 
-    def spread(self, most: int) -> Iterator[tuple[np.ndarray, float]]:
+    def spread(self, most: int, orientation: Orientation) -> Iterator[tuple[np.ndarray, float]]:
         """Values spread evenly over the map, and how many voxels each stands for.
 
-        What is held gives every n-th voxel in the order of a flattened array, all else the values of its cells.
+        What is held gives some of its voxels (`Orientation.spread`), all else the values of its cells.
 
         Args:
-            most: of what is held, about as many voxels; fewer than twice.
+            most: of what is held, no more voxels.
+            orientation: of the volume.
 
         Yields:
             (N,) float32, and voxels per value.
         """
         if self.held.size:
-            # Odd, so that it does not keep step with the rows.
-            step = self.held.size // most | 1
-            yield self.held.ravel()[::step], float(step)
+            some = orientation.spread(self.held, most).ravel()
+            yield some, self.held.size / some.size
         if self.box != whole_box(self.shape):
             elsewhere = np.ones(self.coarse.shape, dtype=bool)
             elsewhere[self._cells_held] = False

@@ -9,8 +9,11 @@ from hypothesis import strategies as st
 
 from ViTTransferFunction.Logic.core.volumes.bounding_box import whole_box
 from ViTTransferFunction.Logic.core.volumes.geometry import Box, Geometry
+from ViTTransferFunction.Logic.core.volumes.orientation import AS_STORED, Orientation, canonical_orientation
 from ViTTransferFunction.Logic.core.volumes.resampling import FixedPlaces, sample_at
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.core.volumes.voxel_map import VoxelMap
+from ViTTransferFunction.Testing.support.volumes import stored_as, volume_of
 
 SHAPE = (12, 10, 8)
 GEOMETRY = Geometry(SHAPE, np.diag([1.5, 2.0, 3.0, 1.0]))
@@ -65,20 +68,33 @@ def test_at_centres_of_cells_it_is_the_held_map_or_the_coarse_one(held: Box) -> 
 @given(boxes(), st.integers(20, 2000))
 def test_values_are_spread_evenly_and_stand_for_all_voxels(held: Box, most: int) -> None:
     voxels, array = part_held(held)
-    spread = list(voxels.spread(most))
+    spread = list(voxels.spread(most, AS_STORED))
     everything = sum(len(values) * each for values, each in spread)
-    assert sum(len(values) for values, _ in spread) <= 2 * most + COARSE.size
+    assert sum(len(values) for values, _ in spread) <= most + COARSE.size
     # Every n-th voxel, and cells by where their centres are.
     assert everything == pytest.approx(array.size, abs=max(each for _, each in spread) + 0.5 * array.size)
     for values, _ in spread:
         assert set(values.tolist()) <= set(array[held].ravel().tolist()) | set(COARSE.ravel().tolist())
 
 
+@pytest.mark.parametrize("stored", [Orientation((0, 1, 2), (True, True, True)), Orientation((2, 0, 1), (False, True, False))])
+def test_the_same_values_are_looked_at_however_a_scan_is_stored(stored: Orientation) -> None:
+    """The threshold is chosen from them: of other ones, that of a small structure in a large box is another."""
+    scan = volume_of(np.random.default_rng(5).random((30, 20, 25), dtype=np.float32))
+
+    def looked_at(of: Volume) -> np.ndarray:
+        ((values, _),) = VoxelMap.whole(of.array).spread(500, canonical_orientation(of.geometry))
+        return values
+
+    assert 250 < len(looked_at(scan)) <= 500
+    np.testing.assert_array_equal(looked_at(stored_as(scan, stored)), looked_at(scan))
+
+
 @given(st.tuples(*(st.tuples(st.integers(0, n), st.integers(0, n)).map(sorted) for n in COARSE.shape)))
 def test_a_box_of_whole_cells_takes_those_cells_places(cells: tuple[list[int], ...]) -> None:
     held = tuple(slice(2 * first, 2 * end) for first, end in cells)
     voxels, array = part_held((held[0], held[1], held[2]))
-    spread = list(voxels.spread(10**6))
+    spread = list(voxels.spread(10**6, AS_STORED))
     assert sum(len(values) * each for values, each in spread) == array.size
     total = sum(float(values.astype(float).sum()) * each for values, each in spread)
     assert total == pytest.approx(array.astype(float).sum(), rel=1e-6)
@@ -115,6 +131,6 @@ def test_a_map_of_a_part_is_that_of_the_whole_with_nothing_beyond() -> None:
 def test_a_map_that_is_there_is_whole(most: int) -> None:
     voxels = VoxelMap.whole(ELSEWHERE)
     assert voxels.array.base is ELSEWHERE or voxels.array is ELSEWHERE
-    ((values, each),) = voxels.spread(most)
+    ((values, each),) = voxels.spread(most, AS_STORED)
     assert set(values) <= set(ELSEWHERE.ravel())
     assert abs(len(values) * each - ELSEWHERE.size) < each
