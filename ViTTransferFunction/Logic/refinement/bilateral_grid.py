@@ -15,7 +15,7 @@ makes every stride odd, so that a cell's colour is the parity of its layer and o
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from torch import Tensor
+
+    from ..core.volumes.geometry import Box
 
     Piece = tuple[slice, slice]
     """Slices and rows, along K and J, with all that they hold along I."""
@@ -47,17 +49,26 @@ class GridLayout:
         voxels: volume shape, (K, J, I).
         cell_voxels: voxels along each edge of a spatial cell, (K, J, I).
         luma_cells: cells along luma.
+        before: voxels of the first cells that lie before the volume, (K, J, I).
     """
 
     voxels: tuple[int, int, int]
     cell_voxels: tuple[int, int, int]
     luma_cells: int
+    before: tuple[int, int, int] = (0, 0, 0)
 
     @classmethod
     def of_sigmas(
-        cls, voxels: tuple[int, int, int], spacing_mm: tuple[float, float, float], sigma_spatial_mm: float, sigma_luma: float
+        cls,
+        voxels: tuple[int, int, int],
+        spacing_mm: tuple[float, float, float],
+        sigma_spatial_mm: float,
+        sigma_luma: float,
+        from_end: tuple[bool, bool, bool] = (False, False, False),
     ) -> GridLayout:
         """The layout whose cells come nearest to `sigma_spatial_mm` along every axis, and measure `sigma_luma` of the window.
+
+        Cells begin with the first voxel along each axis, or, where they do `from_end`, with the last.
 
         Raises:
             InputError: the grid would be too large to hold.
@@ -69,7 +80,8 @@ class GridLayout:
                 f"{tuple(float(s) for s in spacing_mm)} mm into {layout.dense_cells:.3g} cells; expected at most "
                 f"{MAX_DENSE_CELLS:.3g}. Raise either sigma, or refine a smaller region."
             )
-        return layout
+        k, j, i = (-n % edge if end else 0 for n, edge, end in zip(voxels, layout.cell_voxels, from_end, strict=True))
+        return replace(layout, before=(k, j, i))
 
     @classmethod
     def sigma_that_fits_mm(
@@ -93,8 +105,9 @@ class GridLayout:
 
     @property
     def cells(self) -> tuple[int, int, int]:
-        """Spatial cells along (K, J, I), the last of each row perhaps incomplete."""
-        return tuple(-(-n // edge) for n, edge in zip(self.voxels, self.cell_voxels, strict=True))  # type: ignore[return-value]
+        """Spatial cells along (K, J, I), the first and the last of each row perhaps incomplete."""
+        extents = zip(self.voxels, self.before, self.cell_voxels, strict=True)
+        return tuple(-(-(before + n) // edge) for n, before, edge in extents)  # type: ignore[return-value]
 
     @property
     def layer_shape(self) -> tuple[int, int, int]:
@@ -128,8 +141,23 @@ class GridLayout:
 
     def slices(self, layers: slice) -> slice:
         """The voxels of some layers along K."""
-        edge = self.cell_voxels[0]
-        return slice(layers.start * edge, min(layers.stop * edge, self.voxels[0]))
+        return self.extents((layers, slice(0, 0), slice(0, 0)))[0]
+
+    def extents(self, cells: Box) -> Box:
+        """The voxels of a box of spatial cells."""
+        k, j, i = (
+            slice(max(extent.start * edge - before, 0), min(extent.stop * edge - before, n))
+            for extent, edge, before, n in zip(cells, self.cell_voxels, self.before, self.voxels, strict=True)
+        )
+        return k, j, i
+
+    def part(self, cells: Box) -> GridLayout:
+        """The layout of the voxels of a box of spatial cells."""
+        k, j, i = (extent.stop - extent.start for extent in self.extents(cells))
+        before_k, before_j, before_i = (
+            0 if extent.start else before for extent, before in zip(cells, self.before, strict=True)
+        )
+        return replace(self, voxels=(k, j, i), before=(before_k, before_j, before_i))
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,8 +195,7 @@ class VoxelCells:
         if self.active is not None:
             slices, rows = piece
             layers, of_rows, of_columns = self._cells_of_voxels
-            edge = self.layout.cell_voxels[0]
-            first, last = slices.start // edge, (slices.stop - 1) // edge
+            first, last = ((at + self.layout.before[0]) // self.layout.cell_voxels[0] for at in (slices.start, slices.stop - 1))
             part = self.active[first : last + 1].index_select(2, of_columns).index_select(1, of_rows[rows])
             part = (
                 part.index_select(0, layers[slices] - first)
@@ -221,8 +248,8 @@ class VoxelCells:
         import torch
 
         return [
-            torch.arange(n, dtype=torch.int32, device=self.intensities.device) // edge
-            for n, edge in zip(self.layout.voxels, self.layout.cell_voxels, strict=True)
+            torch.arange(before, before + n, dtype=torch.int32, device=self.intensities.device) // edge
+            for n, before, edge in zip(self.layout.voxels, self.layout.before, self.layout.cell_voxels, strict=True)
         ]
 
     @cached_property

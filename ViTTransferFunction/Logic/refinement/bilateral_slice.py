@@ -47,7 +47,8 @@ def slice_multilinear(
     bands = list(_bands(layout, out.device))
     # grid_sample's coordinates: -1 and 1 are the first and the last cell of the padded row.
     columns, lumas = layout.layer_shape[1:]
-    along_columns = (torch.arange(layout.voxels[2], device=out.device) - 0.5 * (edge_i - 1)) / edge_i
+    before_k, _, before_i = layout.before
+    along_columns = (torch.arange(before_i, before_i + layout.voxels[2], device=out.device) - 0.5 * (edge_i - 1)) / edge_i
     along_columns = along_columns.clamp_(0, layout.cells[2] - 1) * (2.0 / (columns - 1)) - 1.0
 
     def slice_layers(layers: Sequence[tuple[int, slice]]) -> None:
@@ -63,7 +64,7 @@ def slice_multilinear(
                 if part is not None and not bool(part.any()):
                     out[piece] = target.read(piece)
                     continue
-                below, after_centre = divmod(k - edge_k // 2, edge_k)
+                below, after_centre = divmod(k + before_k - edge_k // 2, edge_k)
                 lower, upper = cells_of_layer(below)[band.cells], cells_of_layer(below + 1)[band.cells]
                 cells = torch.lerp(lower, upper, slice_weights[after_centre])
                 by_row = torch.lerp(cells[:-1, None], cells[1:, None], row_weights).flatten(0, 1)[band.rows_between_cells]
@@ -93,7 +94,7 @@ def _bands(layout: GridLayout, device: torch.device) -> Iterator[_Band]:
     """Bands of rows that make up a slice."""
     edge = layout.cell_voxels[1]
     # Where the band between two rows of cells begins, the first row of cells being there twice.
-    first = edge // 2 - edge
+    first = edge // 2 - edge - layout.before[1]
     intervals = layout.cells[1] + 1
     step = intervals
     if device.type == "cpu":

@@ -93,6 +93,7 @@ def refine_map(
     threshold: float | None = None,
     between: Between = nothing_between,
     in_place: bool = False,
+    from_end: tuple[bool, bool, bool] = (False, False, False),
 ) -> BilateralSolution:
     """Bring a coarse map to the resolution and to the edges of the volume that it describes.
 
@@ -105,6 +106,7 @@ def refine_map(
         threshold: solve only near where the map exceeds this; elsewhere it is interpolated. None solves everywhere.
         between: called between short steps; may raise `Cancelled`.
         in_place: write the solution into the map, which has to be finite and have the volume's resolution.
+        from_end: along (K, J, I), whether the grid's cells begin with the volume's last voxel.
 
     Raises:
         InputError: something about the volume, the window or the settings cannot be used.
@@ -112,7 +114,7 @@ def refine_map(
     _check_volume("low-resolution map", low_resolution_map)
     _check_volume("volume", intensities)
     settings = settings or BilateralSolverSettings()
-    layout = _layout(intensities, spacing_mm, settings)
+    layout = _layout(intensities, spacing_mm, settings, from_end)
     active = None if threshold is None else _active_cells(low_resolution_map, threshold, layout, between)
     with Workers(intensities.device, intensities.numel(), between) as workers:
         if in_place:
@@ -176,12 +178,18 @@ def _check_volume(name: str, volume: Tensor) -> None:
         )
 
 
-def _layout(volume: Tensor, spacing_mm: Sequence[float], settings: BilateralSolverSettings) -> GridLayout:
+def _layout(
+    volume: Tensor,
+    spacing_mm: Sequence[float],
+    settings: BilateralSolverSettings,
+    from_end: tuple[bool, bool, bool] = (False, False, False),
+) -> GridLayout:
     spacing_k, spacing_j, spacing_i = (float(s) for s in spacing_mm)
     if not all(s > 0.0 and math.isfinite(s) for s in spacing_mm):
         raise InputError(f"Bilateral solver: spacing_mm is {tuple(spacing_mm)}; expected three finite numbers above 0.")
     k, j, i = volume.shape
-    return GridLayout.of_sigmas((k, j, i), (spacing_k, spacing_j, spacing_i), settings.sigma_spatial_mm, settings.sigma_luma)
+    spacing = spacing_k, spacing_j, spacing_i
+    return GridLayout.of_sigmas((k, j, i), spacing, settings.sigma_spatial_mm, settings.sigma_luma, from_end)
 
 
 def _active_cells(where: Tensor, threshold: float, layout: GridLayout, between: Between = nothing_between) -> Tensor:
@@ -297,9 +305,4 @@ def _cropped(layout: GridLayout, active: Tensor) -> tuple[Box, GridLayout, Tenso
     cells = bounding_box(array_of(active.cpu()))
     if cells is None:
         return None
-    k, j, i = (
-        slice(extent.start * edge, min(extent.stop * edge, n))
-        for extent, edge, n in zip(cells, layout.cell_voxels, layout.voxels, strict=True)
-    )
-    shape = (k.stop - k.start, j.stop - j.start, i.stop - i.start)
-    return (k, j, i), replace(layout, voxels=shape), active[cells]
+    return layout.extents(cells), layout.part(cells), active[cells]

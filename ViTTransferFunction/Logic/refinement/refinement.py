@@ -14,6 +14,7 @@ from ..core.system.progress import Between, nothing_between
 from ..core.volumes.bounding_box import bounding_box, covering_box, grown, whole_box, within
 from ..core.volumes.geometry import Box
 from ..core.volumes.intensity_window import IntensityWindow
+from ..core.volumes.orientation import canonical_orientation
 from ..core.volumes.resampling import sample_at
 from ..core.volumes.torch_arrays import array_of, tensor_of
 from ..core.volumes.volume import Volume
@@ -166,7 +167,8 @@ def _refine_part(
     spacing_mm = volume.geometry.spacing_mm[::-1]
     if method == "bilateral":
         cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())
-        _solve(target, intensities, window, spacing_mm, cell_edge_mm, near, between)
+        from_end = canonical_orientation(volume.geometry).runs_along
+        _solve(target, intensities, window, spacing_mm, cell_edge_mm, near, from_end, between)
         # It solves for deviations from a mean, and adding that may round to a hair below 0.
         np.clip(target, 0.0, 1.0, out=target)
     else:
@@ -186,6 +188,7 @@ def _solve(
     spacing_mm: np.ndarray,
     cell_edge_mm: float,
     threshold: float,
+    from_end: tuple[bool, bool, bool],
     between: Between,
 ) -> None:
     """Put the bilateral solver's answer into the target.
@@ -201,7 +204,7 @@ def _solve(
     bounds = (window.low, window.high)
     settings = BilateralSolverSettings(sigma_spatial_mm=sigma_mm)
     tensors = tensor_of(target), tensor_of(intensities)
-    refine_map(*tensors, bounds, spacing_mm.tolist(), settings, threshold, between, in_place=True)
+    refine_map(*tensors, bounds, spacing_mm.tolist(), settings, threshold, between, in_place=True, from_end=from_end)
 
 
 def _filtered(

@@ -61,7 +61,7 @@ def settle(
     intensities, window = volume.array[box], class_window(volume, display, positive_ras)
     marks = [*_marks(negative_ras, False, box, volume, voxels), *_marks(positive_ras, True, box, volume, voxels)]
     smooth = np.concatenate(list(settled(part >= threshold, intensities, window, marks, between)))
-    grid = BlockGrid.of(volume.geometry.spacing_mm[::-1], box)
+    grid = BlockGrid.of(volume.geometry, box)
     for layers, now, sums in at_half_height(smooth, intensities, grid, display, marks, between):
         _change_sides(part[layers], now, sums, threshold)
     return voxels.changed_in(box)

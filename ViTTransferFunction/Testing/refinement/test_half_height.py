@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from ViTTransferFunction.Logic.core.system.errors import Cancelled
 from ViTTransferFunction.Logic.core.volumes.bounding_box import whole_box
-from ViTTransferFunction.Logic.core.volumes.geometry import Box
+from ViTTransferFunction.Logic.core.volumes.geometry import Box, Geometry
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.refinement import half_height
 from ViTTransferFunction.Logic.refinement.half_height import BlockGrid, at_half_height
@@ -28,6 +28,11 @@ def ball(radius: float) -> np.ndarray:
     return ball_mask(EDGE, radius)
 
 
+def blocks_of(spacing_mm: np.ndarray, box: Box) -> BlockGrid:
+    """The blocks of a volume whose axes are those of the patient, or, where the spacing is negative, against them."""
+    return BlockGrid.of(Geometry((EDGE, EDGE, EDGE), np.diag([*spacing_mm[::-1], 1.0])), box)
+
+
 def scan_of(inside: np.ndarray, high: float = TISSUE, low: float = LUNG, noise: float = 20.0, blur: float = 1.2) -> np.ndarray:
     """A scan whose edges are blurred, by so many voxels."""
     blurred = ndimage.gaussian_filter(np.where(inside, high, low), blur)
@@ -42,7 +47,7 @@ def together(
     mask: np.ndarray, scan: np.ndarray, *marks: Mark, spacing_mm: np.ndarray = CUBES, box: Box = WHOLE_BOX
 ) -> tuple[np.ndarray, np.ndarray]:
     """The mask and its sums, of all layers."""
-    layers, masks, sums = zip(*at_half_height(mask, scan, BlockGrid.of(spacing_mm, box), SOFT_TISSUE, marks), strict=True)
+    layers, masks, sums = zip(*at_half_height(mask, scan, blocks_of(spacing_mm, box), SOFT_TISSUE, marks), strict=True)
     assert [n for some in layers for n in range(some.start, some.stop)] == list(range(len(mask)))
     return np.concatenate(masks), np.concatenate(sums)
 
@@ -174,10 +179,20 @@ def test_a_part_of_a_volume_is_as_in_the_whole() -> None:
     np.testing.assert_array_equal(after(mask[box], scan[box], box=box), after(mask, scan)[box])
 
 
+def test_a_volume_that_is_stored_backwards_has_the_same_blocks() -> None:
+    scan, mask = scan_of(ball(10.0), noise=200.0), ball(8.6)
+    spacing_mm, backwards = np.array([0.7, 0.7, 0.8]), np.array([1.0, 1.0, -1.0])
+    assert EDGE % blocks_of(spacing_mm, WHOLE_BOX).edges[2]
+    box = slice(0, EDGE), slice(0, EDGE), slice(1, EDGE)
+    for voxels, of_mirrored in ((WHOLE_BOX, WHOLE_BOX), (box, (slice(0, EDGE), slice(0, EDGE), slice(0, EDGE - 1)))):
+        expected = after(mask[voxels], scan[voxels], spacing_mm=spacing_mm, box=voxels)
+        mirrored = mask[voxels][:, :, ::-1], scan[voxels][:, :, ::-1]
+        found = after(*mirrored, spacing_mm=spacing_mm * backwards, box=of_mirrored)
+        np.testing.assert_array_equal(found[:, :, ::-1], expected)
+
+
 def test_it_can_be_cancelled_in_the_middle() -> None:
     with pytest.raises(Cancelled):
         list(
-            at_half_height(
-                ball(9.0), scan_of(ball(10.0)), BlockGrid.of(CUBES, WHOLE_BOX), SOFT_TISSUE, between=cancel_at_call(30)
-            )
+            at_half_height(ball(9.0), scan_of(ball(10.0)), blocks_of(CUBES, WHOLE_BOX), SOFT_TISSUE, between=cancel_at_call(30))
         )

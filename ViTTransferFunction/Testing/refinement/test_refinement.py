@@ -12,6 +12,7 @@ from scipy import ndimage
 from ViTTransferFunction.Logic.core.classes.class_map import NEAR_SHARE_OF_ISO
 from ViTTransferFunction.Logic.core.system.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.volumes.orientation import Orientation
 from ViTTransferFunction.Logic.features.settings import LARGEST_GRID
 from ViTTransferFunction.Logic.refinement import bilateral_grid, guided_filter
 from ViTTransferFunction.Logic.refinement.bilateral_grid import GridLayout
@@ -25,7 +26,7 @@ from ViTTransferFunction.Logic.refinement.refinement import (
     refine,
 )
 from ViTTransferFunction.Testing.support.masks import dice
-from ViTTransferFunction.Testing.support.volumes import volume_of
+from ViTTransferFunction.Testing.support.volumes import stored_as, volume_of
 
 WINDOW = IntensityWindow(0.0, 200.0)
 LARGEST_FACTOR = np.exp(TEMPER * LARGEST_LOG_RATIO)
@@ -55,6 +56,18 @@ def weighed_by_intensity(
     result = similarity.copy()
     weigh_by_intensity(result, intensities, WINDOW, iso, NEAR_SHARE_OF_ISO * iso if near is None else near)
     return result
+
+
+@pytest.mark.parametrize("stored", [Orientation((0, 1, 2), (True, False, True)), Orientation((2, 0, 1), (False, True, False))])
+@pytest.mark.parametrize("method", REFINEMENT_METHODS)
+def test_the_same_scan_stored_otherwise_is_refined_alike(method: RefinementMethod, stored: Orientation) -> None:
+    """In a length that is no multiple of the grid's cells: they begin at the same end of the patient."""
+    array, _, similarity = (each[7:32, 7:32, 7:32] for each in ball_and_its_map())
+    cells, volume, centre = coarse(similarity, factor=5), volume_of(array), np.full((1, 3), 12.5)
+    expected = refine(cells, volume, WINDOW, centre, 0.35, method).array
+    turned = np.ascontiguousarray(stored.to_canonical(cells))
+    found = refine(turned, stored_as(volume, stored), WINDOW, centre, 0.35, method).array
+    np.testing.assert_allclose(found, stored.to_canonical(expected), atol=1e-3)
 
 
 def test_voxels_with_the_structures_intensities_gain_and_others_lose() -> None:

@@ -50,6 +50,16 @@ class Orientation:
     def _mirrored_axes(self) -> tuple[int, ...]:
         return tuple(axis for axis in range(3) if self.mirrored[axis])
 
+    @property
+    def runs_along(self) -> tuple[bool, bool, bool]:
+        """Whether the stored array's axes run as their canonical ones do, not against them.
+
+        What is divided from one end on begins at the last voxel of those that do: where it begins is the same then in whatever
+        direction a scan is stored.
+        """
+        first, second, third = (not self.mirrored[self.order.index(axis)] for axis in range(3))
+        return first, second, third
+
     def canonical_shape(self, shape: tuple[int, int, int]) -> tuple[int, int, int]:
         """The shape of `to_canonical`, of an array of `shape`."""
         return shape[self.order[0]], shape[self.order[1]], shape[self.order[2]]
