@@ -11,6 +11,7 @@ import numpy as np
 
 from ..core.volumes.geometry import Geometry
 from ..core.volumes.intensity_window import IntensityWindow
+from ..core.volumes.orientation import canonical_orientation
 from ..core.volumes.torch_arrays import array_of, tensor_of
 from ..core.volumes.volume import Volume
 
@@ -81,9 +82,14 @@ class IntensityBlocks:
         return _in_units(medians, self._window).astype(float)
 
     def in_cells_of(self, blocks: np.ndarray) -> np.ndarray:
-        """All blocks of the cells that blocks (N, 3) lie in, (N, per_cell³, 3)."""
+        """All blocks of the cells that blocks (N, 3) lie in, (N, per_cell³, 3), in an order that is that of the patient's axes.
+
+        So the first of several that are as good is the same one in whatever order a volume is stored.
+        """
         per_cell = self.per_cell
-        in_cells: np.ndarray = (blocks - blocks % per_cell)[:, None] + np.indices((per_cell,) * 3).reshape(3, -1).T
+        steps = np.indices((per_cell,) * 3)
+        first, second, third = (canonical_orientation(self.cells).to_canonical(along).ravel()[::-1] for along in steps)
+        in_cells: np.ndarray = (blocks - blocks % per_cell)[:, None] + np.stack([first, second, third], axis=1)
         return in_cells
 
     def within(self, radius: float, block: np.ndarray) -> np.ndarray:

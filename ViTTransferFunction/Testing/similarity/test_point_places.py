@@ -58,6 +58,17 @@ def test_a_negative_point_in_a_cell_that_is_mostly_unknown_is_looked_at_where_it
     np.testing.assert_allclose(negative_seen_at(array, ON_BUMP, IN_SLAB), ON_BUMP, atol=1e-5)
 
 
+@pytest.mark.parametrize("stored", [Orientation((0, 1, 2), (True, True, True)), Orientation((2, 0, 1), (False, True, False))])
+def test_negative_points_are_looked_at_in_the_same_places_however_the_volume_is_stored(stored: Orientation) -> None:
+    """Of the eight blocks of a cell there are always two as near to the median."""
+    volume = volume_of(RIM + np.random.default_rng(0).normal(0.0, 5.0, RIM.shape))
+    negative, positive = (volume.geometry.ijk_to_ras_points(np.array([at[::-1]], dtype=float)) for at in (ON_BUMP, IN_SLAB))
+    expected = places_in(volume).of_negatives(negative, positive)
+    assert not np.array_equal(expected, negative)
+    found = places_in(stored_as(volume, stored)).of_negatives(negative, positive)
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
 def positives_seen_at(volume: Volume, *positive: tuple[int, int, int]) -> np.ndarray:
     """Where positive points at voxels are looked at, in voxels (k, j, i), (P, 3)."""
     points = volume.geometry.ijk_to_ras_points(np.array(positive, dtype=float)[:, ::-1])
