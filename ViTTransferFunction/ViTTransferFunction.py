@@ -127,7 +127,7 @@ class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixi
         self.removeObservers()
         if self.panel is not None:
             self.panel.leave_input()
-            self.panel.close()
+            self.panel.close(is_asked=_user_was_asked())
 
     def enter(self) -> None:
         """The user opens the module."""
@@ -163,6 +163,9 @@ class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixi
 
     def onReload(self) -> None:  # noqa: N802
         """Load the module anew, together with the files that it is made of."""
+        if self.panel is not None:
+            # Before Slicer cleans up: the scene stays as it is, so that nothing of it is left to restore.
+            self.panel.close()
         for name in [name for name in sys.modules if name.startswith(f"{self.moduleName}.")]:
             del sys.modules[name]
         ScriptedLoadableModuleWidget.onReload(self)
@@ -209,6 +212,12 @@ def too_old_text() -> str:
     return _("ViT Transfer Function needs Slicer {needed} or later, and this is Slicer {found}: install a newer one.").format(
         needed=".".join(map(str, OLDEST_SLICER)), found=f"{slicer.app.majorVersion}.{slicer.app.minorVersion}"
     )
+
+
+def _user_was_asked() -> bool:
+    """Whether Slicer, which ends, has asked whether to save: it does where its window is closed. A restart leaves that open."""
+    window = slicer.util.mainWindow()
+    return window is None or not window.visible
 
 
 def _label(text: str) -> Any:

@@ -137,8 +137,12 @@ class Panel:
             section.session = self.session
         self.bind_parameters()
 
-    def close(self) -> None:
-        """Stop what runs and show nothing; what the user decided stays in the scene."""
+    def close(self, is_asked: bool = True) -> None:
+        """Stop what runs and show nothing; what the user decided stays in the scene.
+
+        Args:
+            is_asked: the user was asked whether to save the scene; otherwise, what is not saved is kept.
+        """
         self.tools.put_down()
         self.shortcut_help.close()
         self.release_parameters()
@@ -148,7 +152,7 @@ class Panel:
                 self._layout_manager.layoutChanged.disconnect(self._on_layout_changed)
             if self._module_selector is not None:
                 self._module_selector.moduleSelected.disconnect(self._on_module_selected)
-            self._unsaved.end()
+            self._unsaved.end(is_asked)
             self.session.close()
             self.session = None
             self._drawing.draw()

@@ -131,10 +131,14 @@ class UnsavedPoints(Section):
             self._scan.saved, self._scan.kept = self._scan.now, None
             self.keep()
 
-    def end(self) -> None:
-        """The scene is closed, or Slicer ends, and the user was asked whether to save: what was kept of it goes."""
+    def end(self, is_asked: bool) -> None:
+        """The scene is closed, or Slicer ends: what was kept of it goes, if the user was asked whether to save."""
+        if not is_asked:
+            self._notice_saving()
+            self.keep()
         for scan in self._scans.values():
-            self._have_done(scan.file.remove)
+            if is_asked:
+                self._have_done(scan.file.remove)
             self._have_done(scan.file.close)
         if self._disk is not None:
             self._disk.shutdown()

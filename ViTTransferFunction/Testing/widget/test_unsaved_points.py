@@ -231,6 +231,30 @@ def test_nothing_is_kept_of_a_scene_that_is_closed(panel: Any, scan: Any, click:
     assert not list(folder.iterdir())
 
 
+@pytest.mark.parametrize("is_asked", [False, True])
+def test_points_survive_a_restart_of_slicer_which_asks_nobody_and_no_end_where_the_user_was_asked(
+    host: Any, panel: Any, scan: Any, click: Click, folder: Path, is_asked: bool
+) -> None:
+    click()
+    wait_until(lambda: bool(kept_in(folder)))
+    click()
+    if is_asked:
+        host.window.close()
+    slicer.app.moduleManager().unload("ViTTransferFunction")
+    assert points_kept_in(folder) == ([] if is_asked else [{"liver": 2}])
+
+
+def test_nothing_is_offered_after_the_module_was_loaded_anew(host: Any, panel: Any, scan: Any, click: Click) -> None:
+    click()
+    settle(panel)
+    panel.onReload()
+    widget = host.representation.self()
+    widget.ui.volumeSelector.setCurrentNode(scan)
+    settle(widget)
+    assert names(widget) == ["liver"]
+    assert not widget.ui.unsavedFrame.isVisible()
+
+
 def test_points_that_were_saved_in_a_bundle_are_not_kept_unless_it_is_not_whole(
     panel: Any, scan: Any, click: Click, folder: Path, tmp_path: Path
 ) -> None:
