@@ -92,7 +92,7 @@ class AnnotationTools(Section):
         self._in_hand.put_down()
 
     def end_unfinished(self) -> None:
-        """Have clicks in the views do nothing that no button shows, whatever the scene was doing when it was saved."""
+        """Have clicks in the views do nothing to a structure that no button shows, whatever was begun elsewhere."""
         self._in_hand.end_unfinished()
 
     def undo(self) -> None:

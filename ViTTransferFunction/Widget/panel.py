@@ -165,6 +165,7 @@ class Panel:
         self.shortcuts.install()
         self.size.take_wheel()
         self.tools.watch_colours()
+        self.tools.end_unfinished()
         self._copied.watch()
         self._volume.offered.resume()
 

@@ -104,7 +104,7 @@ class AnnotationTool:
             self._use()
 
     def end_unfinished(self) -> None:
-        """Have clicks in the views do nothing that no button shows, whatever the scene was doing when it was saved."""
+        """Have clicks in the views do nothing to a structure that no button shows, whatever was begun elsewhere."""
         self._place_mode.end_unfinished()
 
     @property

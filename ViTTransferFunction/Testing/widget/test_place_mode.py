@@ -254,6 +254,23 @@ def test_slicer_s_own_button_places_nothing_in_a_structure_afterwards(widget: An
     assert selection.GetActivePlaceNodeID() is None
 
 
+@pytest.mark.parametrize("mode", ["Place", "ViewTransform"])
+def test_what_markups_were_told_of_a_structure_s_list_ends_when_the_module_is_opened(
+    host: Host, widget: Any, interaction: Any, selection: Any, mode: str
+) -> None:
+    """Otherwise clicks add points to it, at once or by Slicer's own button, while the panel shows no tool in hand."""
+    added = add_class(widget)
+    points = widget.panel.session.annotations.points_node(added.id, positive=True)
+    host.representation.exit()
+    selection.SetActivePlaceNodeID(points.GetID())
+    interaction.SetPlaceModePersistence(1)
+    interaction.SetCurrentInteractionMode(getattr(interaction, mode))
+    host.representation.enter()
+    assert interaction.GetCurrentInteractionMode() == interaction.ViewTransform
+    assert not selection.GetActivePlaceNodeID()
+    assert widget.panel.tools.tool is None
+
+
 def test_single_points_that_the_user_asks_for_meanwhile_stay_so(widget: Any, interaction: Any) -> None:
     interaction.SetPlaceModePersistence(1)
     add_class(widget)

@@ -61,14 +61,13 @@ class PlaceMode:
             self._interaction.SwitchToViewTransformMode()
 
     def end_unfinished(self) -> None:
-        """End what the scene was saved in the midst of: clicks that add points to a structure, and no tool that says so."""
-        place = slicer.vtkMRMLInteractionNode.Place
-        if self._before is not None or self._interaction.GetCurrentInteractionMode() != place:
-            return
+        """End what a saved scene or the module Markups began: clicks go into a structure's list while no tool is in hand."""
         node = self._selection.GetScene().GetNodeByID(self._selection.GetActivePlaceNodeID() or "")
-        if node is not None and is_list_of_a_class(node):
+        if self._before is not None or node is None or not is_list_of_a_class(node):
+            return
+        self._selection.SetActivePlaceNodeID(None)
+        if self._interaction.GetCurrentInteractionMode() == slicer.vtkMRMLInteractionNode.Place:
             self._interaction.SetPlaceModePersistence(0)
-            self._selection.SetActivePlaceNodeID(None)
             self._interaction.SwitchToViewTransformMode()
 
     def _placing(self) -> _Placing:
