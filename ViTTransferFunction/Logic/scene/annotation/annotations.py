@@ -163,8 +163,9 @@ class SceneAnnotations(WatchedClasses):
     def points_node(self, id_: str, positive: bool) -> slicer.vtkMRMLMarkupsFiducialNode:
         """The list that the user places a class's points in."""
         node = self._positive(id_)
-        if not positive and negative_node(node) is None:
-            with self._edit():  # The user deleted it; it is made again.
+        points = node if positive else negative_node(node)
+        if points is None or points.GetDisplayNode() is None:
+            with self._edit():  # The user deleted it, or what displays it, without which it takes no clicks; it is made again.
                 write_class(self._scene, node, self._class(id_))
         return node if positive else negative_node(node)
 

@@ -84,7 +84,8 @@ def is_list_of_a_class(node: slicer.vtkMRMLNode) -> bool:
 
 def read_class(positive: slicer.vtkMRMLMarkupsFiducialNode) -> ClassState:
     """The class as it is in the scene; settings that the scene does not hold, or holds garbled, have their defaults."""
-    negative, display = negative_node(positive), positive.GetDisplayNode()
+    negative = negative_node(positive)
+    display = positive.GetDisplayNode() or (negative.GetDisplayNode() if negative else None)
     color = tuple(display.GetSelectedColor()) if display else default_color(0)
     on_it, of_on_it = points_and_properties(positive)
     off_it, of_off_it = points_and_properties(negative) if negative else ((), {})

@@ -253,3 +253,14 @@ def test_a_list_that_is_made_again_is_hidden_with_its_structure(session: SceneSe
     session.annotations.set_class(id_, visible=False)
     slicer_app.scene.RemoveNode(session.annotations.points_node(id_, positive=False))
     assert not session.annotations.points_node(id_, positive=False).GetDisplayVisibility()
+
+
+@pytest.mark.parametrize("positive", [True, False])
+def test_a_list_that_nothing_displays_is_displayed_again_in_its_colour_to_take_clicks(
+    session: SceneSession, slicer_app: Any, positive: bool
+) -> None:
+    id_ = session.annotations.add_class("sphere", (0.1, 0.2, 0.3)).id
+    slicer_app.scene.RemoveNode(session.annotations.points_node(id_, positive).GetDisplayNode())
+    display = session.annotations.points_node(id_, positive).GetDisplayNode()
+    assert display.GetSelectedColor() == pytest.approx((0.1, 0.2, 0.3))
+    assert session.classes[0].color == pytest.approx((0.1, 0.2, 0.3))
