@@ -107,9 +107,7 @@ class AnnotationTools(Section):
 
     def remove_last(self) -> None:
         """Remove the point of the selected class that was placed last."""
-        selected = self.selected
-        if self.session is not None and selected is not None:
-            self.session.annotations.remove_last_point(selected.id)
+        self.with_selected(lambda session, id_: session.annotations.remove_last_point(id_))
 
     def tell_of_other_scans(self) -> None:
         """Once for each time that a tool is in hand and the views show other scans than the one that it works on."""

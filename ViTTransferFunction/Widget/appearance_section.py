@@ -102,36 +102,32 @@ class AppearanceSection(Section):
             box.addItem(words.get(name, name))
 
     def _on_style(self) -> None:
-        self._set(style=list(STYLES)[self.ui.styleComboBox.currentIndex])
+        self.set_selected(style=list(STYLES)[self.ui.styleComboBox.currentIndex])
 
     def _on_window(self) -> None:
-        self._set(low=self.ui.lookLowSpinBox.value, high=self.ui.lookHighSpinBox.value)
+        self.set_selected(low=self.ui.lookLowSpinBox.value, high=self.ui.lookHighSpinBox.value)
 
     def _on_low_handle(self, low: float) -> None:
         """The other end stays, also where it lies beyond what the handles reach."""
-        self._set(low=low, high=self.ui.lookHighSpinBox.value)
+        self.set_selected(low=low, high=self.ui.lookHighSpinBox.value)
 
     def _on_high_handle(self, high: float) -> None:
-        self._set(low=self.ui.lookLowSpinBox.value, high=high)
+        self.set_selected(low=self.ui.lookLowSpinBox.value, high=high)
 
     def _on_window_automatic(self) -> None:
         if self.ui.lookAutomaticCheckBox.checked:
-            self._set(low=None, high=None)
+            self.set_selected(low=None, high=None)
         else:
             self._on_window()
 
     def _on_tone(self) -> None:
-        self._set(tone=self.ui.lookToneSlider.value)
+        self.set_selected(tone=self.ui.lookToneSlider.value)
 
     def _on_fade(self) -> None:
-        self._set(ramp=1.0 - self.ui.lookFadeSlider.value)
+        self.set_selected(ramp=1.0 - self.ui.lookFadeSlider.value)
 
     def _on_edges(self) -> None:
-        self._set(edges=self.ui.lookEdgesSlider.value)
-
-    def _set(self, **fields: Any) -> None:
-        if self.session is not None and self.selected is not None:
-            self.session.annotations.set_class(self.selected.id, **fields)
+        self.set_selected(edges=self.ui.lookEdgesSlider.value)
 
     def _on_context(self) -> None:
         if self.session is not None:

@@ -68,18 +68,15 @@ class ClassActions(Section):
 
     def show_next_point(self) -> None:
         """Centre the slice views on the next point, inside or outside."""
-        if self.session is not None and self.selected is not None:
-            self.session.show_next_point(self.selected.id)
+        self.with_selected(lambda session, id_: session.show_next_point(id_))
 
     def remove_points(self) -> None:
         """Begin the structure anew, under its name and in its colour."""
-        if self.session is not None and self.selected is not None:
-            self.session.annotations.remove_points(self.selected.id)
+        self.with_selected(lambda session, id_: session.annotations.remove_points(id_))
 
     def duplicate(self) -> None:
         """Add a structure with the same settings and points, and select it."""
-        if self.session is not None and self.selected is not None:
-            self.session.select_class(self.session.annotations.duplicate_class(self.selected.id).id)
+        self.with_selected(lambda session, id_: session.select_class(session.annotations.duplicate_class(id_).id))
 
     def move_up(self) -> None:
         """Swap the structure with the one above."""
@@ -119,15 +116,13 @@ class ClassActions(Section):
         menu.addAction(in_menu(name)).triggered.connect(lambda: self._add_markup(node_id, positive))
 
     def _add_markup(self, node_id: str, positive: bool) -> None:
-        if self.session is not None and self.selected is not None:
-            try:
-                self.session.regions.add_markup(self.selected.id, node_id, positive)
-            except InputError as error:
-                self.report(str(error))
+        try:
+            self.with_selected(lambda session, id_: session.regions.add_markup(id_, node_id, positive))
+        except InputError as error:
+            self.report(str(error))
 
     def _move(self, step: int) -> None:
-        if self.session is not None and self.selected is not None:
-            self.session.annotations.move_class(self.selected.id, step)
+        self.with_selected(lambda session, id_: session.annotations.move_class(id_, step))
 
     def _add(self, text: str, react: Callable[[], None], name: str = "") -> Any:
         """An action of the table's menu; one of that name in `TABLE_KEYS` has a key."""

@@ -43,22 +43,17 @@ class ClassSettings(Section):
             ui.refineCheckBox.checked = selected.refine
 
     def _on_opacity(self) -> None:
-        self._set(opacity=self.ui.opacitySlider.value)
+        self.set_selected(opacity=self.ui.opacitySlider.value)
 
     def _on_threshold(self) -> None:
-        self._set(iso=self.ui.thresholdSlider.value)
+        self.set_selected(iso=self.ui.thresholdSlider.value)
 
     def _on_threshold_automatic(self) -> None:
         automatic = self.ui.thresholdAutomaticCheckBox.checked
-        self._set(iso=None if automatic else self.ui.thresholdSlider.value)
+        self.set_selected(iso=None if automatic else self.ui.thresholdSlider.value)
 
     def _on_proximity(self) -> None:
-        self._set(proximity=self.ui.proximitySlider.value)
+        self.set_selected(proximity=self.ui.proximitySlider.value)
 
     def _on_refine(self) -> None:
-        self._set(refine=self.ui.refineCheckBox.checked)
-
-    def _set(self, **fields: Any) -> None:
-        selected = self.selected
-        if self.session is not None and selected is not None:
-            self.session.annotations.set_class(selected.id, **fields)
+        self.set_selected(refine=self.ui.refineCheckBox.checked)

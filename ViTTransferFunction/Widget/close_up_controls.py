@@ -21,7 +21,7 @@ class CloseUpControls(Section):
         self._suggested = self._tells = False
         ui.lookCloserButton.clicked.connect(self.look_closer)
         ui.lookAtWholeButton.clicked.connect(self.look_at_whole)
-        self._progress.cancel_button.clicked.connect(self._on_cancel)
+        self._progress.cancel_button.clicked.connect(self.cancel)
 
     def refresh(self) -> None:
         """Say in what the selected class is looked at, and enable what can be done about it."""
@@ -69,16 +69,8 @@ class CloseUpControls(Section):
 
     def look_closer(self) -> None:
         """Look at a box around the structure, fitted to what is shown of it now."""
-        selected = self.selected
-        if self.session is not None and selected is not None:
-            self.session.close_ups.look_closer(selected.id)
+        self.with_selected(lambda session, id_: session.close_ups.look_closer(id_))
 
     def look_at_whole(self) -> None:
         """Look at the whole volume again."""
-        selected = self.selected
-        if self.session is not None and selected is not None:
-            self.session.close_ups.look_at_whole(selected.id)
-
-    def _on_cancel(self) -> None:
-        if self.session is not None:
-            self.session.cancel()
+        self.with_selected(lambda session, id_: session.close_ups.look_at_whole(id_))

@@ -29,7 +29,7 @@ class OutputSection(Section):
         ui.writeSegmentsButton.clicked.connect(self._on_write)
         ui.editSegmentsButton.clicked.connect(self._on_edit)
         self._segments_menu.aboutToShow.connect(self._list_segments)
-        self._progress.cancel_button.clicked.connect(self._on_cancel)
+        self._progress.cancel_button.clicked.connect(self.cancel)
 
     def refresh(self) -> None:
         """Show where segments go to, and what can be done now; ask where corrections are in the way."""
@@ -117,10 +117,6 @@ class OutputSection(Section):
     def _on_continue(self, segment_id: str) -> None:
         if self.session is not None:
             self.session.continue_segment(segment_id)
-
-    def _on_cancel(self) -> None:
-        if self.session is not None:
-            self.session.cancel()
 
 
 def ask_about_corrections(names: tuple[str, ...]) -> Corrections | None:

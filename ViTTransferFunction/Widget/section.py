@@ -42,6 +42,21 @@ class Section:
         """The class that is selected in the table."""
         return self.session.selected_class if self.session else None
 
+    def with_selected(self, act: Callable[[SceneSession, str], Any]) -> None:
+        """Do something to the class that is selected in the table, by its id; nothing where none is."""
+        selected = self.selected
+        if self.session is not None and selected is not None:
+            act(self.session, selected.id)
+
+    def set_selected(self, **fields: Any) -> None:
+        """Change fields of the class that is selected in the table."""
+        self.with_selected(lambda session, id_: session.annotations.set_class(id_, **fields))
+
+    def cancel(self) -> None:
+        """Stop what runs."""
+        if self.session is not None:
+            self.session.cancel()
+
     def threshold(self, state: ClassState) -> float | None:
         """A class's threshold, set by the user or chosen from its map; None where the class has no map yet."""
         if state.iso is not None:

@@ -39,9 +39,7 @@ class SizeControls(Section):
 
     def reset(self) -> None:
         """Back to what is chosen from the points."""
-        selected = self.selected
-        if self.session is not None and selected is not None:
-            self.session.annotations.set_class(selected.id, size=0.0, iso=None)
+        self.set_selected(size=0.0, iso=None)
 
     def take_wheel(self) -> None:
         """Have Ctrl and the wheel change the size where they are over the structure, in all slice views."""
@@ -52,6 +50,4 @@ class SizeControls(Section):
         self._wheel.stop()
 
     def _step(self, direction: Literal[-1, 1]) -> None:
-        selected = self.selected
-        if self.session is not None and selected is not None:
-            self.session.annotations.step_size(selected.id, direction)
+        self.with_selected(lambda session, id_: session.annotations.step_size(id_, direction))

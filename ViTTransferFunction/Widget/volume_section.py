@@ -156,8 +156,7 @@ class VolumeSection(Section):
 
     def _on_cancel(self) -> None:
         self._pressed_for = None
-        if self.session is not None:
-            self.session.cancel()
+        self.cancel()
         self.refresh()
 
 
