@@ -124,6 +124,8 @@ def in_app(quick_compute_processes: None) -> Iterator[Callable[[Journey], None]]
             # What is not saved goes to the cache of this test, which the next one does not share.
             app.unsaved_points.leave()
             await app.unsaved_points._done(lambda: None)
+            # Nor does it begin with what went wrong in this one.
+            app.close_messages()
 
     yield lambda journey: loop.run_until_complete(travel(journey))
     app.session.close()
