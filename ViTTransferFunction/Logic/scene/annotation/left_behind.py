@@ -12,11 +12,10 @@ import numpy as np
 import slicer
 
 from ...core.system.errors import InputError
-from ..classes.volume_histories import Classes
+from ..classes.class_state import PointsByClass, points_by_class
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
 from ..interface.wording import left_behind_text
-from ..mrml.point_lists import Point
 from ..mrml.transforms import matrix_to_world
 from ..segments.labelmaps import labelmaps_of
 from ..segments.segment_tags import segments_of_classes
@@ -25,9 +24,6 @@ from .annotations import SceneAnnotations
 
 _SAME_MM = 1e-4
 """A voxel to the next has not moved by less: a transform that is hardened is rounded otherwise."""
-
-_Points = dict[str, tuple[tuple[Point, ...], tuple[Point, ...]]]
-"""Positive and negative ones, by the id of their class; of classes that have some."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +42,10 @@ class _Look:
 
     voxels: tuple[Any, int]
     ijk_to_world: np.ndarray
-    points: _Points
+    points: PointsByClass
     segments_to_world: np.ndarray | None
     home: np.ndarray
-    left: _Points
+    left: PointsByClass
     segments_are_left: bool
 
 
@@ -91,10 +87,10 @@ class LeftBehind:
             content = content_of(volume)
         except InputError:
             return None
-        last, points = self._last.get(volume), _points(self._annotations.classes)
+        last, points = self._last.get(volume), points_by_class(self._annotations.classes)
         ijk_to_world = matrix_to_world(volume) @ content.geometry.ijk_to_ras
         segments_to_world = self._segments_to_world()
-        home, left, segments_are_left = ijk_to_world, _Points(), False
+        home, left, segments_are_left = ijk_to_world, PointsByClass(), False
         if last is not None and last.voxels == content.voxels:
             home, left = last.home, last.left
             moved = not _is_same(last.ijk_to_world, ijk_to_world)
@@ -133,10 +129,6 @@ class LeftBehind:
         names = [state.name for state in self._annotations.classes if state.id in now.left]
         left_segmentation = segmentation.GetName() if now.segments_are_left and segmentation is not None else None
         self._problems.put("left behind", left_behind_text(volume.GetName(), names, left_segmentation))
-
-
-def _points(classes: Classes) -> _Points:
-    return {state.id: (state.positive, state.negative) for state in classes if state.positive or state.negative}
 
 
 def _is_same(one: np.ndarray, other: np.ndarray) -> bool:

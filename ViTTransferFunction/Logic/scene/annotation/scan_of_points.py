@@ -12,20 +12,16 @@ import slicer
 
 from ...core.volumes.thumbnail import Thumbnail
 from ..classes.class_attributes import attribute, set_attribute
-from ..classes.volume_histories import Classes
+from ..classes.class_state import PointsByClass, points_by_class
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
 from ..interface.wording import other_scan_text
-from ..mrml.point_lists import Point
 from ..volumes.opened_volume import OpenedVolume
 from ..volumes.volume_content import VolumeContent
 from .annotations import SceneAnnotations
 
 _THUMBNAIL = "thumbnail"
 """Attribute of a volume that has points: `Thumbnail` of what these were placed on."""
-
-_Points = dict[str, tuple[tuple[Point, ...], tuple[Point, ...]]]
-"""Positive and negative ones, by the id of their class; of classes that have some."""
 
 
 class ScanOfPoints:
@@ -48,7 +44,7 @@ class ScanOfPoints:
         self._annotations = annotations
         self._volume = volume
         self._problems = problems
-        self._of_others: dict[slicer.vtkMRMLScalarVolumeNode, _Points] = {}  # Of volumes that were looked at.
+        self._of_others: dict[slicer.vtkMRMLScalarVolumeNode, PointsByClass] = {}  # Of volumes that were looked at.
 
     @property
     def thumbnail(self) -> Thumbnail | None:
@@ -66,9 +62,9 @@ class ScanOfPoints:
         """
         before, node, content = self._problems.standing, self._parameters.volume, self._volume.content
         self._of_others = {known: points for known, points in self._of_others.items() if known.GetScene() is not None}
-        of_others = _Points()
+        of_others = PointsByClass()
         if node is not None and content is not None:
-            points = _points(self._annotations.classes)
+            points = points_by_class(self._annotations.classes)
             if node not in self._of_others:
                 noted = _noted(node)
                 self._of_others[node] = points if noted is not None and not _may_be(noted, content) else {}
@@ -86,7 +82,7 @@ class ScanOfPoints:
         """Classes were added to the chosen volume whose points were placed on this; None: not known."""
         node, content = self._parameters.volume, self._volume.content
         if placed_on is not None and content is not None and not _may_be(placed_on, content):
-            added = {id_: ones for id_, ones in _points(self._annotations.classes).items() if id_ in ids}
+            added = {id_: ones for id_, ones in points_by_class(self._annotations.classes).items() if id_ in ids}
             self._of_others[node] = self._of_others.get(node, {}) | added
             _note(node, placed_on)
 
@@ -107,7 +103,3 @@ def _note(node: slicer.vtkMRMLScalarVolumeNode, thumbnail: Thumbnail | None) -> 
     text = None if thumbnail is None else thumbnail.to_text()
     if attribute(node, _THUMBNAIL) != text:
         set_attribute(node, _THUMBNAIL, text)
-
-
-def _points(classes: Classes) -> _Points:
-    return {state.id: (state.positive, state.negative) for state in classes if state.positive or state.negative}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
@@ -17,6 +17,9 @@ CloseUpBox = tuple[float, float, float, float, float, float]
 """Of a class, see `ClassState`."""
 
 Polarity = Literal["positive", "negative"]
+
+PointsByClass = dict[str, tuple[tuple[Point, ...], tuple[Point, ...]]]
+"""Positive and negative points, by the id of their class; of classes that have some."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,11 @@ def begun_anew(original: ClassState) -> ClassState:
 def new_class_id() -> str:
     """An id that no other class has, in any scene."""
     return uuid.uuid4().hex[:12]
+
+
+def points_by_class(classes: Iterable[ClassState]) -> PointsByClass:
+    """The points of all classes."""
+    return {state.id: (state.positive, state.negative) for state in classes if state.positive or state.negative}
 
 
 def sharing(state: ClassState, before: ClassState | None) -> ClassState:
