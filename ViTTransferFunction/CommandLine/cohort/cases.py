@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ViTTransferFunction.Logic.core.system.errors import InputError, shown
 from ViTTransferFunction.Logic.core.system.file_names import LONGEST_NAME_BYTES, is_device
-from ViTTransferFunction.Logic.core.system.regular_file import check_regular_file
+from ViTTransferFunction.Logic.core.system.regular_file import cannot_read, check_regular_file
 from ViTTransferFunction.Logic.files.annotation_files import ANNOTATIONS_ENDING
 from ViTTransferFunction.Logic.files.dicom_folder import FOLDERS_OF_SYSTEMS, holds_dicom
 from ViTTransferFunction.Logic.files.image_formats import VOLUME_ENDINGS, image_ending, volume_ending
@@ -104,7 +104,7 @@ def _cases_in_table(path: Path) -> Iterator[Case]:
         # Spreadsheets put a mark in front of UTF-8.
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
+        raise cannot_read(path, error) from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is not text in UTF-8; save the table as 'CSV UTF-8'.") from error
     lines = text.split("\n")

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..core.system.available_memory import require_memory
 from ..core.system.errors import InputError
+from ..core.system.regular_file import cannot_read
 from .file_start import DICOM_START_BYTES
 from .stored_voxels import CHUNK_BYTES
 
@@ -44,7 +45,7 @@ def require_memory_to_unpack(path: Path) -> None:
     except InputError:
         raise
     except OSError as error:
-        raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
+        raise cannot_read(path, error) from error
     except (ValueError, zlib.error):
         return  # An empty or damaged file, of which ITK says more.
 

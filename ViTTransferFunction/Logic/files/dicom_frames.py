@@ -20,6 +20,7 @@ import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
 from ..core.system.errors import InputError
+from ..core.system.regular_file import cannot_read
 from .dicom_encoding import BIG_ENDIAN, DEFLATED, data_set
 from .straightening import warn_of_gaps
 
@@ -211,6 +212,6 @@ def _numbers(path: Path, element: _Element, count: int, most: int) -> np.ndarray
                 values.append([float(number) for number in content[match.end() : match.end() + length].split(b"\\")])
         return np.array(values, dtype=float).reshape(-1, count)
     except OSError as error:
-        raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
+        raise cannot_read(path, error) from error
     except (ValueError, zlib.error):
         return np.empty((0, count))

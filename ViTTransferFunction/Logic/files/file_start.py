@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..core.system.errors import InputError
-from ..core.system.regular_file import check_regular_file
+from ..core.system.regular_file import cannot_read, check_regular_file
 
 LONGEST_HEADER = 1 << 20
 """Of an image, in bytes, but for segmentations of thousands of segments."""
@@ -28,4 +27,4 @@ def read_start(path: Path, count: int = LONGEST_HEADER) -> bytes:
         with path.open("rb") as file:
             return file.read(count)
     except OSError as error:
-        raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
+        raise cannot_read(path, error) from error

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.system.errors import InputError, shown
-from ..core.system.regular_file import check_regular_file
+from ..core.system.regular_file import cannot_read, check_regular_file
 from .image_formats import image_ending
 
 
@@ -26,7 +26,7 @@ def read_json(path: Path) -> Any:
         # Notepad puts a mark in front.
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
+        raise cannot_read(path, error) from error
     except UnicodeDecodeError as error:
         raise InputError(
             f"{path} is not a text in UTF-8, as JSON is ({error.reason} at byte {error.start}). Save it as UTF-8."

@@ -17,6 +17,7 @@ from typing import BinaryIO
 import numpy as np
 
 from ..core.system.errors import InputError
+from ..core.system.regular_file import cannot_read
 
 CHUNK_BYTES = 1 << 20
 
@@ -85,7 +86,7 @@ class StoredVoxels:
             with self.path.open("rb") as file:
                 yield from self._unpacked(file, count) if self.compressed else self._plain(file, count)
         except OSError as error:
-            raise InputError(f"Cannot read {self.path}: {error.strerror or error}.") from error
+            raise cannot_read(self.path, error) from error
 
     def _plain(self, file: BinaryIO, count: int) -> Iterator[bytes]:
         file.seek(self._plain_start(count))

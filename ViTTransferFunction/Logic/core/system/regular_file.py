@@ -86,3 +86,8 @@ def _long_paths_are_enabled() -> bool:
 def not_regular(path: Path) -> InputError:
     """The error for what is neither file nor folder."""
     return InputError(f"{path} is a pipe, a device or a socket; expected an ordinary file.")
+
+
+def cannot_read(path: Path, error: OSError) -> InputError:
+    """The error for a file that the operating system does not let be read."""
+    return InputError(f"Cannot read {path}: {error.strerror or error}.")
