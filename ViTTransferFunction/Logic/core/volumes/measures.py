@@ -16,7 +16,7 @@ def two_figures(value: float, least_decimals: int = 0) -> str:
     return f"{value:.{decimals_of(value, 2, least_decimals)}f}"
 
 
-def decimals_of(value: float, figures: int, least_decimals: int = 0) -> int:
+def decimals_of(value: float, figures: int, least_decimals: int) -> int:
     """Digits after the point with which a number has so many figures that tell something, but `least_decimals` at least."""
     exponent = int(f"{value:.{figures - 1}e}".partition("e")[2])
     return max(figures - 1 - exponent, least_decimals) if value else least_decimals

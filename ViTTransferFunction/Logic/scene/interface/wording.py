@@ -112,7 +112,7 @@ def volume_unit(body_scale: float) -> str:
     return "mm³" if body_scale < _SMALL_SPECIMEN else "ml"
 
 
-def volume_text(volume_ml: float | None, unit: str = "ml") -> str:
+def volume_text(volume_ml: float | None, unit: str) -> str:
     """A volume in one of `volume_unit`: two figures of small structures, else a tenth as long as that is more than noise.
 
     Args:
