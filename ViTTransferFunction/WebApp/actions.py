@@ -62,12 +62,12 @@ class Actions:
             "lookCloser": self._of_selected(lambda session, id_: session.close_ups.look_closer(id_)),
             "lookAtWhole": self._of_selected(lambda session, id_: session.close_ups.look_at_whole(id_)),
             "sizeAsChosen": lambda: self._set_fields(size=0.0, iso=None),
-            "previousClass": lambda: self._select_neighbour(-1),
-            "nextClass": lambda: self._select_neighbour(1),
+            "previousClass": lambda: app.session.selection.select_neighbour(-1),
+            "nextClass": lambda: app.session.selection.select_neighbour(1),
             "nextPoint": self._of_selected(lambda session, id_: session.show_next_point(id_)),
             "putDown": app.tool.put_down,
             "removePoints": self._of_selected(lambda session, id_: session.annotations.remove_points(id_)),
-            "duplicate": self._of_selected(_duplicate),
+            "duplicate": self._of_selected(lambda session, id_: session.selection.duplicate(id_)),
             "parameter": self._set_parameter,
             "style": self._set_style,
             "look": self._set_look,
@@ -178,19 +178,8 @@ class Actions:
         """Remove a class, the selected one unless named, and select the next one."""
         session = self._app.session
         state = self._class(id_) if id_ else session.selected_class
-        if state is None:
-            return
-        was_selected, row = state == session.selected_class, [other.id for other in session.classes].index(state.id)
-        session.annotations.remove_class(state.id)
-        if was_selected and session.classes:
-            session.select_class(session.classes[min(row, len(session.classes) - 1)].id)
-
-    def _select_neighbour(self, step: int) -> None:
-        """Select the class `step` rows further down; the table's ends meet."""
-        session, selected = self._app.session, self._app.session.selected_class
-        if selected is not None:
-            row = [state.id for state in session.classes].index(selected.id)
-            session.select_class(session.classes[(row + step) % len(session.classes)].id)
+        if state is not None:
+            session.selection.remove(state.id)
 
     def _set_selected(self, field: str, value: Any) -> None:
         if field in _SETTINGS:
@@ -266,11 +255,6 @@ class Actions:
         if volume is not None:
             display = volume.GetScalarVolumeDisplayNode()
             set_window(volume, _or(low, display.GetWindowLevelMin()), _or(high, display.GetWindowLevelMax()))
-
-
-def _duplicate(session: SceneSession, id_: str) -> None:
-    """Add a class with the settings and points of another one, and select it."""
-    session.select_class(session.annotations.duplicate_class(id_).id)
 
 
 def _or(given: float | None, otherwise: float) -> float:

@@ -76,7 +76,7 @@ class ClassActions(Section):
 
     def duplicate(self) -> None:
         """Add a structure with the same settings and points, and select it."""
-        self.with_selected(lambda session, id_: session.select_class(session.annotations.duplicate_class(id_).id))
+        self.with_selected(lambda session, id_: session.selection.duplicate(id_))
 
     def move_up(self) -> None:
         """Swap the structure with the one above."""
@@ -88,12 +88,7 @@ class ClassActions(Section):
 
     def remove(self) -> None:
         """Remove the structure and its points, and select the next one."""
-        if self.session is None or self.selected is None:
-            return
-        row = [state.id for state in self.session.classes].index(self.selected.id)
-        self.session.annotations.remove_class(self.selected.id)
-        if self.session.classes:
-            self.session.select_class(self.session.classes[min(row, len(self.session.classes) - 1)].id)
+        self.with_selected(lambda session, id_: session.selection.remove(id_))
 
     def _add_markup_menu(self, text: str, positive: bool) -> Any:
         """A menu within the table's, of the markups in the scene that can: the chosen one gives the points."""

@@ -74,9 +74,8 @@ class ClassTable(Section):
 
     def select_neighbour(self, step: int) -> None:
         """Select the class `step` rows further down; the table's ends meet."""
-        if self.session is not None and self.session.classes:
-            row = (self._table.currentRow() + step) % len(self.session.classes)
-            self.session.select_class(self.session.classes[row].id)
+        if self.session is not None:
+            self.session.selection.select_neighbour(step)
 
     def change_color(self) -> None:
         """Have the user choose a colour for the selected class."""

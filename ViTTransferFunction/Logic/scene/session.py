@@ -68,6 +68,7 @@ class SceneSession:
     Attributes:
         parameters: the module's settings; writing one takes effect at once.
         annotations: classes and points, and their undo and redo.
+        selection: chooses the class that is annotated, also by what is done to the classes.
         file_classes: gives classes to annotation files, and takes them from there.
         regions: adds the points of regions that the user encloses.
         close_ups: has classes looked at by themselves, or in the whole volume again.
@@ -108,15 +109,15 @@ class SceneSession:
             self._points_in_3d.hold,
             lambda: drawn_together(app_logic),
         )
-        self._selected = SelectedClass(self.parameters, self.annotations)
+        self.selection = SelectedClass(self.parameters, self.annotations)
         self.shown = ShownStructures(
-            scene, app_logic, self.parameters, self.annotations, self._selected, self._volume, self._proxy
+            scene, app_logic, self.parameters, self.annotations, self.selection, self._volume, self._proxy
         )
         self._scan_change = ScanChange(
-            self.parameters, self.annotations, self._other_segments, self._problems, self._selected, self._notices
+            self.parameters, self.annotations, self._other_segments, self._problems, self.selection, self._notices
         )
         self._maps = AskedMaps(
-            self.parameters, self.annotations, self._selected, self._volume, self._other_segments, self._proxy
+            self.parameters, self.annotations, self.selection, self._volume, self._other_segments, self._proxy
         )
         self.segments = SceneSegments(
             scene,
@@ -135,7 +136,7 @@ class SceneSession:
         self.file_classes = FileClasses(
             self.parameters,
             self.annotations,
-            self._selected,
+            self.selection,
             self._volume,
             self._maps,
             self._scan_of_points,
@@ -143,7 +144,7 @@ class SceneSession:
             self._notices,
             on_model=self._on_model,
         )
-        self.other_scans = OtherScans(self.parameters, self.annotations, self._selected, self._volume.contains)
+        self.other_scans = OtherScans(self.parameters, self.annotations, self.selection, self._volume.contains)
         self.close_ups = SceneCloseUps(
             self.parameters, self.annotations, self._volume, self._maps, self._proxy, self._problems, self._notices
         )
@@ -278,11 +279,11 @@ class SceneSession:
     @property
     def selected_class(self) -> ClassState | None:
         """The class that is annotated, and whose similarity is overlaid; the first one until one is selected."""
-        return self._selected.state
+        return self.selection.state
 
     def select_class(self, id_: str) -> None:
         """Choose the class that is annotated."""
-        self._selected.select(id_)
+        self.selection.select(id_)
 
     def show_next_point(self, id_: str, polarities: Sequence[Polarity] = ("positive", "negative")) -> None:
         """Centre the slice views on a class's next point of these polarities; see `PointTour`."""

@@ -35,3 +35,21 @@ class SelectedClass:
         if (state := self.state) is not None:
             self._before = (*(before for before in self._before if before != state.id), state.id)
         self._parameters.set("selectedClass", id_)
+
+    def select_neighbour(self, step: int) -> None:
+        """Choose the class `step` rows further down; the table's ends meet."""
+        state, ids = self.state, [each.id for each in self._annotations.classes]
+        if state is not None:
+            self.select(ids[(ids.index(state.id) + step) % len(ids)])
+
+    def duplicate(self, id_: str) -> None:
+        """Add a class with the settings and points of another one below it, and choose it."""
+        self.select(self._annotations.duplicate_class(id_).id)
+
+    def remove(self, id_: str) -> None:
+        """Remove a class and its points; where it was the chosen one, choose the one that takes its row, or else the last."""
+        state, row = self.state, [each.id for each in self._annotations.classes].index(id_)
+        self._annotations.remove_class(id_)
+        left = self._annotations.classes
+        if left and state is not None and state.id == id_:
+            self.select(left[min(row, len(left) - 1)].id)
