@@ -15,6 +15,8 @@ from ..core.volumes.geometry import Geometry
 from ..core.volumes.intensity_window import finite_sample, quantiles
 from ..core.volumes.volume import Volume
 
+ON_CENTRE = 1e-4
+"""What is no farther from a voxel's centre along an axis, in voxels, is at it: headers are as exact as that."""
 _LEVELS = 512
 _NEIGHBOURS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64) - 1.0
 
@@ -67,6 +69,25 @@ class IntensityCdf:
         samples: np.ndarray = ndimage.map_coordinates(
             self._volume.array, ijk[:, ::-1].T, output=np.float64, order=1, mode="nearest", prefilter=False
         )
+        kji = np.clip(ijk[:, ::-1], 0.0, np.array(self._volume.shape) - 1.0)
+        centres = np.rint(kji)
+        on_centres = np.abs(kji - centres) < ON_CENTRE
+        # There, what counts for nothing but is not finite would take the voxel's own value away, on one side of it alone.
+        again = np.flatnonzero(~np.isfinite(samples) & on_centres.any(axis=1))
+        if len(again):
+            samples[again] = self._between_centres(np.where(on_centres, centres, kji)[again])
+        return samples
+
+    def _between_centres(self, kji: np.ndarray) -> np.ndarray:
+        """Interpolated at places (N, 3) along K, J, I, between voxels on both sides or, along an axis, of the one there."""
+        ends = np.stack([np.floor(kji), np.ceil(kji)]).astype(int)
+        after = kji - ends[0]
+        samples = np.zeros(len(kji))
+        for k, j, i in np.ndindex(2, 2, 2):
+            weights = np.where((k, j, i), after, 1.0 - after).prod(axis=1)
+            values = self._volume.array[ends[k, :, 0], ends[j, :, 1], ends[i, :, 2]]
+            with np.errstate(invalid="ignore"):  # Between infinities of either sign, nothing is a number.
+                samples += weights * np.where(weights > 0.0, values, 0.0)
         return samples
 
     def _cdf(self, intensities: np.ndarray) -> np.ndarray:

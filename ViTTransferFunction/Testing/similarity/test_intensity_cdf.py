@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.orientation import Orientation
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.similarity.intensity_cdf import IntensityCdf
+from ViTTransferFunction.Testing.support.volumes import stored_as, volume_of
 
 OBLIQUE = np.array([[0.9, -0.3, 0.1, 4.0], [0.2, 1.1, 0.0, -7.0], [0.0, 0.4, 2.5, 30.0], [0.0, 0.0, 0.0, 1.0]])
+
+MIRRORED = Orientation((0, 1, 2), (True, False, True))
 
 
 @pytest.mark.parametrize("cells", [(4, 5, 4), (21, 16, 13), (1, 1, 1), (30, 20, 14)], ids=str)
@@ -40,3 +44,16 @@ def test_where_the_scan_was_masked_nothing_is_darker() -> None:
     geometry = Geometry(array.shape, OBLIQUE)
     masked = geometry.ijk_to_ras_points(np.array([[4.0, 3.0, 2.0]]))
     assert IntensityCdf(Volume(array, geometry)).at(masked).tolist() == [0.0]
+
+
+@pytest.mark.parametrize("not_measured", [np.nan, np.inf, -np.inf])
+def test_beside_a_mask_voxels_count_alike_however_a_scan_is_stored(not_measured: float) -> None:
+    """At their centres, where people click: the next voxel would count for nothing, if it were finite."""
+    array = np.random.default_rng(0).uniform(0.0, 100.0, (9, 9, 9))
+    array[:, :, 5:] = array[:3] = not_measured
+    volume = volume_of(array)
+    points = volume.geometry.ijk_to_ras_points(np.array([[4.0, 4, 4], [4, 4, 3], [5, 4, 4], [4.3, 4, 4], [2, 4, 3]]))
+    cdf, of_mirrored = (IntensityCdf(scan) for scan in (volume, stored_as(volume, MIRRORED)))
+    assert cdf.at(points)[0] > 0.0
+    np.testing.assert_allclose(of_mirrored.at(points), cdf.at(points), atol=1e-6)
+    np.testing.assert_allclose(of_mirrored.around(points), cdf.around(points), atol=1e-6)
