@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import SimpleITK as sitk  # noqa: N813 - the name that its own documentation uses
 
+from ..core.system.available_memory import require_memory
 from ..core.system.errors import InputError, shown
 from ..core.system.private_folder import private_folder
 from ..core.system.regular_file import is_folder
@@ -57,6 +58,9 @@ _NRRD_AXES = re.compile(r"number of domain axes in the NRRD file \((\d+)\)")
 
 _NO_SPACING = re.compile(r"Refusing to change spacing from .* to \[([^]]*)\]|axis \d+ spacing \((\S*)\) invalid")
 """In ITK's and in Teem's words."""
+
+_NIFTI_COPIES = 2
+"""Of the voxels, while ITK reads them: its reader's and the image's. Those of other formats are read into the image."""
 
 _SEGMENT = re.compile(rb"^Segment0_\w+:=", re.MULTILINE)
 """In headers of Slicer's segmentations, whatever they are called."""
@@ -229,9 +233,11 @@ def _read_file(path: Path) -> sitk.Image:
     stored = locate_voxels(path)
     with _header_reader(path) as reader:
         _check_header(reader.GetSize(), reader.GetNumberOfComponents(), path)
+        image_bytes = math.prod(reader.GetSize()) * sitk.Image([1, 1, 1], reader.GetPixelID()).GetSizeOfPixelComponent()
         if stored is not None:
-            voxel_bytes = stored.voxel_bytes or sitk.Image([1, 1, 1], reader.GetPixelID()).GetSizeOfPixelComponent()
-            stored.check_complete(math.prod(reader.GetSize()) * voxel_bytes)
+            stored.check_complete(math.prod(reader.GetSize()) * stored.voxel_bytes if stored.voxel_bytes else image_bytes)
+        copies = _NIFTI_COPIES if image_format(path).reader == NIFTI_READER else 1
+        require_memory(copies * image_bytes, f"Opening {path}", "Close other programs, or resample it to larger voxels.")
         return reader.Execute()
 
 

@@ -13,6 +13,7 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 import slicerio
 
+from ViTTransferFunction.Logic.core.system import available_memory
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes.geometry import LPS_TO_RAS, Geometry
 from ViTTransferFunction.Logic.core.volumes.resampling import resample_labels
@@ -53,6 +54,19 @@ def test_a_volume_s_files_are_that_with_its_header_and_that_with_its_voxels(tmp_
         header.write_bytes(header.read_bytes().replace(b"encoding:", b"byte skip: -1\nencoding:"))
     assert set(files_of(tmp_path / name)) == both
     assert len(both) == 2
+
+
+@pytest.mark.parametrize(("name", "copies"), [("scan.nii.gz", 2), ("scan.nii", 2), ("scan.nrrd", 1), ("scan.mha", 1)])
+def test_a_volume_that_memory_has_no_room_for_is_refused_before_the_system_ends_the_program(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, copies: int
+) -> None:
+    sitk.WriteImage(turned_ramp(), str(tmp_path / name), useCompression=True)
+    needed = copies * turned_ramp().GetNumberOfPixels() * turned_ramp().GetSizeOfPixelComponent()
+    monkeypatch.setattr(available_memory, "available_memory_bytes", lambda: needed - 1)
+    with pytest.raises(InputError, match=rf"Opening .*{name} takes at least .* Close other programs"):
+        read_volume(tmp_path / name)
+    monkeypatch.setattr(available_memory, "available_memory_bytes", lambda: needed)
+    assert read_volume(tmp_path / name).shape == (4, 5, 6)
 
 
 @pytest.mark.parametrize("name", ["scan.seg.nrrd", "renamed.nrrd"])
