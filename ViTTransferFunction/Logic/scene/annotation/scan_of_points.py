@@ -85,6 +85,7 @@ class ScanOfPoints:
             added = {id_: ones for id_, ones in points_by_class(self._annotations.classes).items() if id_ in ids}
             self._of_others[node] = self._of_others.get(node, {}) | added
             _note(node, placed_on)
+            self._problems.solve("other scan")  # Those that were told of before are other points: it is told again.
 
     def forget(self) -> None:
         """The scene is another one, whose volumes may have come from other files."""

@@ -219,3 +219,19 @@ def test_points_of_a_file_that_were_placed_on_another_scan_are_told_of(
     saved.save()
     saved.replace_by(other)
     assert saved.open() == (told,)
+
+
+def test_each_file_whose_points_were_placed_on_another_scan_is_told_of(
+    saved: SavedScene, other: Volume, tmp_path: Path
+) -> None:
+    session = saved.session
+    annotated = session.file_classes.annotated()
+    for number, each in enumerate(annotated):
+        write_annotations([each], tmp_path / f"{number}.json")
+    for state in session.classes:
+        session.annotations.remove_class(state.id)
+    set_image(session.parameters.volume, other.array, other.geometry.ijk_to_ras)
+    assert saved.told() == ()
+    for number in range(len(annotated)):
+        session.file_classes.add(read_annotations(tmp_path / f"{number}.json", session.file_classes.geometry))
+        assert saved.told() == tuple(iter(session.take_error, None)) != ()
