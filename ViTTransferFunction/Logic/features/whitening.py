@@ -15,6 +15,7 @@ import numpy as np
 from ..core.system.errors import InputError
 from ..core.volumes.geometry import Geometry
 from ..core.volumes.long_rows import long_rows
+from ..core.volumes.orientation import canonical_orientation
 from ..core.volumes.resampling import sample_by
 from ..core.volumes.torch_arrays import array_of, tensor_of
 from .feature_volume import FeatureVolume, Moments
@@ -97,7 +98,7 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
         InputError: the features are to be whitened, and do not vary or are not finite.
     """
     if statistics != "none" and features.moments is None:
-        features = replace(features, moments=_moments(features.array))
+        features = replace(features, moments=_moments(features))
     transform = _fit_transform(features, statistics)
     by_channels = array_of(long_rows(transform.channels, int(np.prod(features.cells.shape))).unflatten(1, features.cells.shape))
     # An affine map of what is interpolated is what is interpolated of its values: the latter has fewer channels. Layer by
@@ -155,10 +156,10 @@ def _fit_transform(features: FeatureVolume, statistics: Statistics) -> FeatureTr
     return FeatureTransform(mean.astype(np.float32), projection.astype(np.float32))
 
 
-def _moments(array: np.ndarray) -> Moments:
-    """Of features (…, C), over evenly spread patches, at most `STATISTICS_PATCHES`."""
-    cells = array.reshape(-1, array.shape[-1])
-    cells = cells[:: -(-len(cells) // STATISTICS_PATCHES)]
+def _moments(features: FeatureVolume) -> Moments:
+    """Over evenly spread patches, at most `STATISTICS_PATCHES`."""
+    spread = canonical_orientation(features.geometry).spread(features.array, STATISTICS_PATCHES)
+    cells = spread.reshape(-1, features.channels)
     blocks = [cells[start : start + MOMENTS_BLOCK] for start in range(0, len(cells), MOMENTS_BLOCK)]
     total = sum(_as_single(block).sum(axis=0, dtype=np.float64) for block in blocks)
     mean = np.asarray(total / len(cells))

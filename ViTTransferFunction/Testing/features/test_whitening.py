@@ -10,7 +10,9 @@ from scipy import ndimage
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.orientation import Orientation
 from ViTTransferFunction.Logic.core.volumes.resampling import sample_at
+from ViTTransferFunction.Logic.features import whitening
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.whitening import (
     Statistics,
@@ -18,6 +20,7 @@ from ViTTransferFunction.Logic.features.whitening import (
     normalised_size_bytes,
     unit_vectors,
 )
+from ViTTransferFunction.Testing.support.volumes import stored_as, volume_of
 
 OBLIQUE = np.array([[0.0, -2.0, 0.3, 5.0], [3.0, 0.0, 0.0, -7.0], [0.0, 0.2, 4.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
 
@@ -44,6 +47,25 @@ def test_samples_beyond_the_outermost_cell_centres_are_those_of_the_nearest() ->
 def test_a_grid_of_a_single_layer_can_be_sampled() -> None:
     values = np.arange(6.0).reshape(1, 2, 3, 1)
     assert sample_at(values, Geometry((1, 2, 3), np.eye(4)), np.array([[0.5, 0.5, 0.0]]))[0, 0] == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("stored", [Orientation((0, 1, 2), (True, False, True)), Orientation((2, 0, 1), (False, True, False))])
+def test_the_same_patches_tell_how_features_vary_however_a_scan_is_stored(
+    stored: Orientation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where there are many patches, as in the preset *fine*, some of them do."""
+    monkeypatch.setattr(whitening, "STATISTICS_PATCHES", 300)
+    scan = volume_of(np.random.default_rng(0).random((13, 10, 12)))
+    vectors = np.random.default_rng(1).normal(size=(*scan.shape, 4)).astype(np.float32)
+    turned = stored_as(scan, stored)
+    expected = normalised_features(FeatureVolume(vectors, scan.geometry, "key"), "centred").source.moments
+    found = normalised_features(
+        FeatureVolume(np.ascontiguousarray(stored.to_canonical(vectors)), turned.geometry, "key"), "centred"
+    ).source.moments
+    assert expected is not None
+    assert found is not None
+    np.testing.assert_allclose(found.mean, expected.mean, atol=1e-6)
+    np.testing.assert_allclose(found.covariance, expected.covariance, atol=1e-6)
 
 
 def test_whitened_features_have_no_mean_and_equal_uncorrelated_directions() -> None:

@@ -36,13 +36,14 @@ class Orientation:
         return np.flip(array.transpose(*self.order, *range(3, array.ndim)), self._mirrored_axes)
 
     def spread(self, array: np.ndarray, most: int) -> np.ndarray:
-        """A view of `most` voxels or fewer of (K, J, I), with canonical axes: the same ones in whatever order a scan is stored.
+        """A view of `most` voxels or fewer of (K, J, I), or (K, J, I, C), with canonical axes.
 
-        They are every n-th along each axis. Every n-th of a flattened array would be others where it is flattened in another
-        order, and of a few columns alone where rows are as long as a multiple of n.
+        They are the same ones however a scan is stored: every n-th along each axis. Every n-th of a flattened
+        array would be others where it is flattened in another order, and of a few columns alone where rows are as long as a
+        multiple of n.
         """
         canonical, steps = self.to_canonical(array), [1, 1, 1]
-        while math.prod(left := [-(-size // step) for size, step in zip(canonical.shape, steps, strict=True)]) > most:
+        while math.prod(left := [-(-size // step) for size, step in zip(canonical.shape[:3], steps, strict=True)]) > most:
             steps[int(np.argmax(left))] += 1
         return canonical[tuple(slice(step // 2, None, step) for step in steps)]
 
