@@ -244,18 +244,6 @@ def test_points_survive_a_restart_of_slicer_which_asks_nobody_and_no_end_where_t
     assert points_kept_in(folder) == ([] if is_asked else [{"liver": 2}])
 
 
-def test_nothing_is_kept_where_the_module_is_loaded_anew(
-    panel: Any, scan: Any, click: Click, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The scene stays as it is, so that nothing is to be restored. Slicer cleans up the old panel then."""
-    monkeypatch.setattr(slicer.util, "reloadScriptedModule", lambda _: panel.cleanup())
-    click()
-    wait_until(lambda: bool(kept_in(folder)))
-    monkeypatch.setattr(sys, "modules", dict(sys.modules))  # What other tests have imported stays as it is.
-    panel.onReload()
-    assert not list(folder.iterdir())
-
-
 def test_points_that_were_saved_in_a_bundle_are_not_kept_unless_it_is_not_whole(
     panel: Any, scan: Any, click: Click, folder: Path, tmp_path: Path
 ) -> None:
