@@ -69,13 +69,14 @@ class IntensityCdf:
         samples: np.ndarray = ndimage.map_coordinates(
             self._volume.array, ijk[:, ::-1].T, output=np.float64, order=1, mode="nearest", prefilter=False
         )
-        kji = np.clip(ijk[:, ::-1], 0.0, np.array(self._volume.shape) - 1.0)
-        centres = np.rint(kji)
-        on_centres = np.abs(kji - centres) < ON_CENTRE
-        # There, what counts for nothing but is not finite would take the voxel's own value away, on one side of it alone.
-        again = np.flatnonzero(~np.isfinite(samples) & on_centres.any(axis=1))
-        if len(again):
-            samples[again] = self._between_centres(np.where(on_centres, centres, kji)[again])
+        missing = np.flatnonzero(~np.isfinite(samples))
+        if len(missing):
+            kji = np.clip(ijk[missing, ::-1], 0.0, np.array(self._volume.shape) - 1.0)
+            centres = np.rint(kji)
+            on_centres = np.abs(kji - centres) < ON_CENTRE
+            # There, what counts for nothing but is not finite took the voxel's own value away, on one side of it alone.
+            again = on_centres.any(axis=1)
+            samples[missing[again]] = self._between_centres(np.where(on_centres, centres, kji)[again])
         return samples
 
     def _between_centres(self, kji: np.ndarray) -> np.ndarray:
