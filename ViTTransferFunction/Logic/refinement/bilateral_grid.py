@@ -141,14 +141,11 @@ class GridLayout:
 
     def slices(self, layers: slice) -> slice:
         """The voxels of some layers along K."""
-        return self.extents((layers, slice(0, 0), slice(0, 0)))[0]
+        return self._along(0, layers)
 
     def extents(self, cells: Box) -> Box:
         """The voxels of a box of spatial cells."""
-        k, j, i = (
-            slice(max(extent.start * edge - before, 0), min(extent.stop * edge - before, n))
-            for extent, edge, before, n in zip(cells, self.cell_voxels, self.before, self.voxels, strict=True)
-        )
+        k, j, i = (self._along(axis, extent) for axis, extent in enumerate(cells))
         return k, j, i
 
     def part(self, cells: Box) -> GridLayout:
@@ -158,6 +155,11 @@ class GridLayout:
             0 if extent.start else before for extent, before in zip(cells, self.before, strict=True)
         )
         return replace(self, voxels=(k, j, i), before=(before_k, before_j, before_i))
+
+    def _along(self, axis: int, cells: slice) -> slice:
+        """The voxels of some cells along an axis."""
+        edge, before = self.cell_voxels[axis], self.before[axis]
+        return slice(max(cells.start * edge - before, 0), min(cells.stop * edge - before, self.voxels[axis]))
 
 
 @dataclass(frozen=True, eq=False)
