@@ -341,31 +341,48 @@ def test_a_file_that_is_damaged_is_passed_over_and_the_user_is_told_which(
     assert panel.ui.unsavedLabel.text().startswith("1 point from ")
 
 
+ON_A_SCAN = OPEN + (
+    "import os, numpy as np\n"
+    "from ViTTransferFunction.Logic.core.volumes.geometry import Geometry\n"
+    "from ViTTransferFunction.Logic.core.volumes.volume import Volume\n"
+    "from ViTTransferFunction.Testing.support.scenes import add_volume\n"
+    "from ViTTransferFunction.Testing.support.widgets import wait_until\n"
+    "array = np.random.default_rng(1).normal(0.0, 8.0, (20, 22, 24)).astype(np.float32)\n"
+    "volume = Volume(array, Geometry(array.shape, np.eye(4)), 'ct')\n"
+    "ui.volumeSelector.setCurrentNode(add_volume(slicer.mrmlScene, volume))\n"
+    "unsaved, session = widget.panel._unsaved, widget.panel.session\n"
+)
+WITH_A_POINT = ON_A_SCAN + (
+    "id_ = session.annotations.add_class('nodule').id\n"
+    "session.annotations.add_points(id_, np.array([[5.0, 5.0, 5.0]]), positive=True)\n"
+    "wait_until(lambda: unsaved._changed_s is None and not unsaved.busy)\n"
+)
+
+
 @pytest.mark.slow
-def test_a_slicer_that_was_killed_offers_the_points_when_it_is_started_again(tmp_path: Path, folder: Path) -> None:
-    opened = OPEN + (
-        "import os, numpy as np\n"
-        "from ViTTransferFunction.Logic.core.volumes.geometry import Geometry\n"
-        "from ViTTransferFunction.Logic.core.volumes.volume import Volume\n"
-        "from ViTTransferFunction.Testing.support.scenes import add_volume\n"
-        "from ViTTransferFunction.Testing.support.widgets import wait_until\n"
-        "array = np.random.default_rng(1).normal(0.0, 8.0, (20, 22, 24)).astype(np.float32)\n"
-        "volume = Volume(array, Geometry(array.shape, np.eye(4)), 'ct')\n"
-        "ui.volumeSelector.setCurrentNode(add_volume(slicer.mrmlScene, volume))\n"
-        "unsaved, session = widget.panel._unsaved, widget.panel.session\n"
-    )
+def test_a_slicer_that_was_killed_offers_the_points_when_it_is_started_again(tmp_path: Path) -> None:
+    run(WITH_A_POINT + "sys.stdout.flush()\nos._exit(0)\n", tmp_path)
     run(
-        opened + "id_ = session.annotations.add_class('nodule').id\n"
-        "session.annotations.add_points(id_, np.array([[5.0, 5.0, 5.0]]), positive=True)\n"
-        "wait_until(lambda: unsaved._changed_s is None and not unsaved.busy)\n"
-        "sys.stdout.flush()\n"
-        "os._exit(0)\n",
-        tmp_path,
-    )
-    run(
-        opened + "wait_until(lambda: unsaved._scan.offered is not None)\n"
+        ON_A_SCAN + "wait_until(lambda: unsaved._scan.offered is not None)\n"
         "ui.restorePointsButton.click()\n"
         "assert [(state.name, state.positive) for state in session.classes] == [('nodule', ((5.0, 5.0, 5.0),))]\n"
+        "host.close()\n",
+        tmp_path,
+    )
+
+
+@pytest.mark.slow
+def test_nothing_is_offered_after_the_module_was_loaded_anew(tmp_path: Path) -> None:
+    """The scene stays as it is, so that nothing of it is left to restore."""
+    run(
+        WITH_A_POINT + "from pathlib import Path\n"
+        "assert list(Path('unsaved').glob('*.annotations.json'))\n"
+        "widget.onReload()\n"
+        "fresh = host.representation.self()\n"
+        "again = fresh.panel._unsaved\n"
+        "wait_until(lambda: again._scan is not None and again._changed_s is None and not again.busy)\n"
+        "assert [state.name for state in fresh.panel.session.classes] == ['nodule']\n"
+        "assert again._scan.offered is None\n"
         "host.close()\n",
         tmp_path,
     )
