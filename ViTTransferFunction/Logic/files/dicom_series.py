@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from .dicom_kind import instead_of_scan
 from .dicom_slice import DicomSlice, heights, turned, warn_of_inversion
 from .image_formats import DICOM_READER
 from .itk_errors import last_line
+from .opening_memory import require_memory_to_open
 from .series_choice import choose_series
 from .straightening import LARGEST_DEVIATION, warn_of_gaps
 from .volumes_of_series import SAME_PLACE
@@ -56,9 +58,12 @@ def read_series(folder: Path, on_warning: Callable[[str], None], series: str | N
     # By itself it knows no files without the 128 bytes before the letters DICM.
     reader.SetImageIO(DICOM_READER)
     reader.SetFileNames([str(each.path) for each in slices])
+    kind = slices[0].kind
     if len({each.kind for each in slices}) > 1:
         # ITK makes all slices numbers of the first one's kind: fractions would be cut, and large numbers become others.
-        reader.SetOutputPixelType(sitk.sitkFloat32)
+        kind = sitk.sitkFloat32
+        reader.SetOutputPixelType(kind)
+    require_memory_to_open(folder, sum(math.prod(each.size) for each in slices), kind)
     try:
         image = reader.Execute()
     except RuntimeError as error:

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import SimpleITK as sitk  # noqa: N813 - the name that its own documentation uses
 
-from ..core.system.available_memory import require_memory
 from ..core.system.errors import InputError, shown
 from ..core.system.private_folder import private_folder
 from ..core.system.regular_file import is_folder
@@ -38,6 +37,7 @@ from .image_formats import (
 from .itk_errors import last_line
 from .label_map_check import LABEL_INTENT, looks_like_labels
 from .nifti_place import warn_of_place
+from .opening_memory import pixel_bytes, require_memory_to_open
 from .straightening import straightened
 
 logger = logging.getLogger(__name__)
@@ -233,11 +233,11 @@ def _read_file(path: Path) -> sitk.Image:
     stored = locate_voxels(path)
     with _header_reader(path) as reader:
         _check_header(reader.GetSize(), reader.GetNumberOfComponents(), path)
-        image_bytes = math.prod(reader.GetSize()) * sitk.Image([1, 1, 1], reader.GetPixelID()).GetSizeOfPixelComponent()
+        voxels, pixel_id = math.prod(reader.GetSize()), reader.GetPixelID()
         if stored is not None:
-            stored.check_complete(math.prod(reader.GetSize()) * stored.voxel_bytes if stored.voxel_bytes else image_bytes)
+            stored.check_complete(voxels * (stored.voxel_bytes or pixel_bytes(pixel_id)))
         copies = _NIFTI_COPIES if image_format(path).reader == NIFTI_READER else 1
-        require_memory(copies * image_bytes, f"Opening {path}", "Close other programs, or resample it to larger voxels.")
+        require_memory_to_open(path, voxels, pixel_id, copies)
         return reader.Execute()
 
 

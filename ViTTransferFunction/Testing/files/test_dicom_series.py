@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
+from ViTTransferFunction.Logic.core.system import available_memory
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.files.dicom_folder import read_content
 from ViTTransferFunction.Logic.files.series_choice import SeveralSeries
@@ -350,6 +351,20 @@ def test_of_slices_that_say_so_in_rounded_numbers_there_is_none(tmp_path: Path, 
 def test_slices_that_do_not_say_where_they_lie_are_no_copies_of_each_other(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"do not say where they lie, such as 0\.dcm or 1\.dcm; expected a position"):
         read_volume(write_slices(tmp_path / "scan", without=POSITION))
+
+
+@pytest.mark.parametrize("slopes", [[1, 2, 3], [1, 0.25, 0.5]])
+def test_a_series_that_memory_has_no_room_for_is_refused_before_its_voxels_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, slopes: list[float]
+) -> None:
+    for k, slope in enumerate(slopes):
+        write_scaled_slice(tmp_path / f"{k}.dcm", k, slope)
+    needed = read_volume(tmp_path).array.nbytes
+    monkeypatch.setattr(available_memory, "available_memory_bytes", lambda: needed - 1)
+    with pytest.raises(InputError, match=r"Opening .* takes at least .* Close other programs"):
+        read_volume(tmp_path)
+    monkeypatch.setattr(available_memory, "available_memory_bytes", lambda: needed)
+    assert read_volume(tmp_path).array.nbytes == needed
 
 
 @pytest.mark.parametrize("slopes", [[1, 0.25, 0.5], [1, 60, 100], [0.5, 1, 2]])
