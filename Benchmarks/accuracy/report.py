@@ -45,7 +45,7 @@ Run = dict[str, Any]
 
 
 def write_report(report: dict[str, Any], failures: Sequence[Failure], folder: Path, earlier: Cases) -> None:
-    """Write accuracy.json, accuracy.md, accuracy_iou.png and accuracy_failures.png, with an earlier run's cases beside.
+    """Write accuracy.json, accuracy.md, accuracy_iou.png and accuracy_failures.webp, with an earlier run's cases beside.
 
     Of another model or preset than the default there are no pictures, and its name is in the files', as in accuracy_fine.json.
     """
@@ -55,7 +55,7 @@ def write_report(report: dict[str, Any], failures: Sequence[Failure], folder: Pa
     write_results(folder, name, figures, text(report, earlier))
     if _has_pictures(report):
         plot_iou(runs, folder / f"{name}_iou.png")
-        plot_failures(failures, folder / f"{name}_failures.png")
+        plot_failures(failures, folder / f"{name}_failures.webp")
 
 
 def text(report: dict[str, Any], earlier: Cases) -> str:
@@ -76,7 +76,7 @@ def text(report: dict[str, Any], earlier: Cases) -> str:
         "## A click never hurts",
         CLICK_CAPTION,
         click_change_table(runs),
-        *([f"![Worst structures of each volume]({name}_failures.png)"] if _has_pictures(report) else []),
+        *([f"![Worst structures of each volume]({name}_failures.webp)"] if _has_pictures(report) else []),
         *(part for case in names_of(runs, "case") for part in structure_table(runs, case)),
         *(_beside_other_methods(runs, compared, f"{name}_iou.png" if _has_pictures(report) else None) if compared else ()),
         f"## As published ({published.DATA_SET})",

@@ -11,7 +11,7 @@ reach when the clicker reacts to their own errors is measured as well.
 
 With `--keep`, all that was measured is kept in a folder and not measured again, so that a run can be had in parts. Constants
 that were chosen on some `--cases` are to be judged on the others. Writes `accuracy.json`, `accuracy.md`, `accuracy_iou.png`
-and `accuracy_failures.png`; of another model or preset only the first two, with its name, as in `accuracy_fine.json`.
+and `accuracy_failures.webp`; of another model or preset only the first two, with its name, as in `accuracy_fine.json`.
 """
 
 from __future__ import annotations

@@ -148,7 +148,7 @@ def test_the_report_shows_spread_methods_and_goals(tmp_path: Path, labelled: Lab
     written = json.loads((tmp_path / "accuracy.json").read_text(encoding="utf-8"))
     assert written["runs"][0]["dice"] == {"1": [0.4, 0.5], "2": [0.6, 0.5], "3": [0.55, 0.5]}
     assert written["summary"]["cases"]["torso_small"]["clicks alone"]["1"]["dice"] == [0.55, 0.1414]
-    for picture in ("accuracy_iou.png", "accuracy_failures.png"):
+    for picture in ("accuracy_iou.png", "accuracy_failures.webp"):
         assert (tmp_path / picture).stat().st_size > 0
 
 
