@@ -261,6 +261,10 @@ def test_the_former_model_is_taken_where_its_weights_are_here_and_none_is_chosen
     assert chosen_model(replace(automatic, model="dino_vits8")).name == "dino_vits8"
     assert chosen_model(replace(automatic, weights_path=None)).name == "dinov2_vits14"
     assert chosen_model(replace(automatic, former_model="of a later version", weights_path=None)).name == "dinov2_vits14"
+    # A file that the user names would say by itself which model it is of; a folder with files of several does not.
+    monkeypatch.setenv("VITTF_WEIGHTS", str(Path(str(automatic.weights_path)).parent))
+    assert chosen_model(replace(automatic, weights_path=None)).name == "tiny"
+    assert chosen_model(replace(automatic, weights_path=None, former_model=None)).name == "dinov2_vits14"
 
 
 def test_who_loads_features_that_cannot_be_kept_is_told_why(
