@@ -87,6 +87,20 @@ def test_in_a_large_volume_components_are_not_looked_for_once_a_point(monkeypatc
     assert labels.all()
 
 
+@pytest.mark.parametrize("slices", [1, 2, 3])
+def test_in_a_large_volume_the_same_components_are_kept(slices: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts meet by faces, edges and corners, also where the volume is looked at in slabs."""
+    monkeypatch.setattr(labels_module, "SLAB_VOXELS", slices * 9 * 9)
+    labels = (np.random.default_rng(slices).random((8, 9, 9)) < 0.06).astype(np.uint16)
+    components, count = ndimage.label(labels, structure=np.ones((3, 3, 3)))
+    assert count > 10
+    for component in range(1, count + 1):
+        kept = labels.copy()
+        points = np.argwhere(components == component)[:1, ::-1].astype(float)
+        keep_annotated_components(kept, Geometry(labels.shape, np.eye(4)), {1: points})
+        np.testing.assert_array_equal(kept > 0, components == component)
+
+
 def test_a_click_need_not_wait_until_the_components_of_all_labels_are_found() -> None:
     labels = np.zeros((3, 9, 9), dtype=np.uint16)
     labels[1, 1:3, 1:3], labels[1, 1:3, 6:8] = 1, 2
