@@ -165,8 +165,8 @@ def _size(args: argparse.Namespace) -> Size | None:
         return None
     from ViTTransferFunction.Logic.core.volumes.camera import checked_side
 
-    width, separator, height = args.size.lower().replace("×", "x").partition("x")
-    if not (separator and all(side.isdecimal() and len(side) < 10 for side in (width, height))):
+    width, _, height = args.size.lower().replace("×", "x").partition("x")
+    if not all(side.isdecimal() and len(side) < 10 for side in (width, height)):
         raise InputError(f"--size {args.size[:40]}: expected width and height in pixels, such as 1920x1080.")
     return checked_side(int(width), "--size"), checked_side(int(height), "--size")
 

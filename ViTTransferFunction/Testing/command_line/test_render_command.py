@@ -168,6 +168,7 @@ def test_a_turntable_shows_all_sides(opengl: None, tmp_path: Path, case: tuple[s
         (["--turntable", "f.gif", "--transparent"], "transparent"),
         (["--3d", "p.png", "--frames", "20"], "--turntable"),
         (["--3d", "p.png", "--size", "big"], "--size"),
+        (["--3d", "p.png", "--size", "640"], "--size"),
         (["--3d", "p.png", "--size", "0x100"], "--size"),
         (["--3d", "p.png", "--size", "100x99999999999"], "--size"),
         (["-o", "p.png", "--size", "400x20"], "legend"),
