@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import logging
+import os
 import re
 import shutil
 from pathlib import Path
@@ -12,6 +13,8 @@ from pathlib import Path
 import pytest
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.weights import download
+from ViTTransferFunction.Logic.weights.download import sha256_of
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Logic.weights.sources import (
     WeightsUnavailable,
@@ -78,6 +81,18 @@ def test_one_whose_hash_begins_as_the_published_one_is_known_and_used_silently(
 def test_one_of_another_model_is_refused_by_that_models_name(own: Path) -> None:
     with pytest.raises(InputError, match="holds the weights of 'dino_vits8', expected those of 'dinov2_vits14'"):
         find_weights("dinov2_vits14", own)
+
+
+def test_one_that_changes_again_within_the_same_moment_is_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some file systems tell times by two seconds."""
+    path = tmp_path / "own.pth"
+    path.write_bytes(b"one")
+    status = path.stat()
+    monkeypatch.setattr(os, "fstat", lambda _: status)
+    monkeypatch.setattr(download, "_RECENT_S", 3600.0)  # However busy this computer is.
+    for content in (b"one", b"two"):
+        path.write_bytes(content)
+        assert sha256_of(path) == hashlib.sha256(content).hexdigest()
 
 
 def test_a_missing_one_is_named(tmp_path: Path) -> None:
