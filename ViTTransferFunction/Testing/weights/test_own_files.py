@@ -148,8 +148,9 @@ def test_filling_the_cache_does_not_ask_the_variable(own: Path, cached: Path, mo
 
 
 @pytest.mark.usefixtures("hashed")
-def test_its_model_is_known_by_its_hash(own: Path) -> None:
-    assert identify_model(own) == NAME
+@pytest.mark.parametrize("file_name", ["own.pth", "dinov2_vits14_reg.pt"])
+def test_its_model_is_known_by_its_hash_whatever_it_is_called(own: Path, file_name: str) -> None:
+    assert identify_model(own.rename(own.with_name(file_name))) == NAME
 
 
 @pytest.mark.parametrize(

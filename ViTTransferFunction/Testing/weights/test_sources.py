@@ -217,7 +217,7 @@ class TestDownload:
 
         assert find_weights(NAME, trust=trusting).path.read_bytes() == WEIGHTS
 
-    @pytest.mark.parametrize("announced", [str(10**15), str(len(WEIGHTS))])
+    @pytest.mark.parametrize("announced", [str(10**15), str(len(WEIGHTS)), ""])
     def test_far_more_than_the_model_has_is_not_waited_for(
         self, announced: str, site: Site, unhashed: PretrainedModel, folder: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
