@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ViTTransferFunction.CommandLine.canvas import BACKGROUND, PictureSegment
+from ViTTransferFunction.CommandLine.canvas import BACKGROUND, Canvas, PictureSegment
 from ViTTransferFunction.CommandLine.slice_picture import PicturePoint, draw_slices
 from ViTTransferFunction.Logic.core.classes.colors import Color
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
@@ -54,6 +54,36 @@ def test_the_patients_directions_lie_in_each_plane_as_radiology_has_them(
     assert left[1] == pytest.approx(0.5, abs=0.06)
     assert top[1] < 0.4
     assert top[0] == pytest.approx(0.5, abs=0.06)
+
+
+def test_each_plane_is_lettered_as_radiology_has_it_and_says_where_it_cuts_the_patient(
+    geometry: Geometry, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    panels: dict[Canvas, dict[str, tuple[float, float]]] = {}
+
+    def label(canvas: Canvas, x: float, y: float, text: str, *_: object, **__: object) -> None:
+        height, width = canvas.pixels.shape[:2]
+        panels.setdefault(canvas, {})[text] = x / width, y / height
+
+    monkeypatch.setattr(Canvas, "label", label)
+    draw_slices(dark_volume(geometry), [ball(geometry, "middle", RED)], window=WINDOW, width=600)
+
+    for labels, (plane, letters, side, distance) in zip(
+        panels.values(),
+        # At the left, right, upper and lower edge; and where the middle of the volume lies, RAS (12, -40, 300).
+        [("Axial", "RLAP", "S", 300), ("Coronal", "RLSI", "P", 40), ("Sagittal", "APSI", "R", 12)],
+        strict=True,
+    ):
+        *edges, name, where = labels
+        assert sorted(edges) == sorted(letters)
+        left, right, top, bottom = (labels[letter] for letter in letters)
+        assert left[0] < 0.2 < 0.8 < right[0]
+        assert top[1] < 0.2 < 0.8 < bottom[1]
+        assert (left[1], right[1], top[0], bottom[0]) == (0.5, 0.5, 0.5, 0.5)
+        assert name == plane
+        assert where.startswith(f"{side} ")
+        assert where.endswith(" mm")
+        assert float(where[2:-3]) == pytest.approx(distance, abs=max(4.0, geometry.spacing_mm.max()))
 
 
 def test_intensities_lie_under_their_segment(geometry: Geometry) -> None:
