@@ -11,10 +11,11 @@ import pytest
 from scipy.ndimage import binary_erosion
 
 from ViTTransferFunction.CommandLine import offscreen_window
-from ViTTransferFunction.CommandLine.canvas import PictureSegment
+from ViTTransferFunction.CommandLine.canvas import Canvas, PictureSegment
 from ViTTransferFunction.CommandLine.rendering_picture import Rendering, render_3d
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes.bounding_box import bounding_box
+from ViTTransferFunction.Logic.core.volumes.camera import direction
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.volume_files import read_volume
@@ -56,6 +57,35 @@ def test_3d_view_is_from_the_front(opengl: None, geometry: Geometry) -> None:
     assert top[1] < right[1] - 0.1
     # Seen from above, what is in front is lower.
     assert right[1] < front[1]
+
+
+def test_letters_say_which_side_of_the_patient_is_where(
+    opengl: None, aligned: Geometry, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: dict[str, str] = {}
+
+    def label(canvas: Canvas, x: float, y: float, text: str, *_: object, **__: object) -> None:
+        from_middle = x / canvas.pixels.shape[1] - 0.5, y / canvas.pixels.shape[0] - 0.5
+        along = int(np.argmax(np.abs(from_middle)))
+        written[(("left", "right"), ("top", "bottom"))[along][from_middle[along] > 0.0]] = text
+
+    monkeypatch.setattr(Canvas, "label", label)
+    with Rendering(dark_volume(aligned), landmarks(aligned)) as rendering:
+        for azimuth, elevation, letters in (
+            (0.0, 8.0, "RLSI"),  # From the front,
+            (90.0, 0.0, "APSI"),  # the patient's left,
+            (180.0, 0.0, "LRSI"),  # the back,
+            (-90.0, 0.0, "PASI"),  # the right,
+            (180.0, 90.0, "LRAP"),  # above,
+            (0.0, -90.0, "RLAP"),  # and below.
+        ):
+            written.clear()
+            rendering.labelled_picture(rendering.framing(direction(azimuth, elevation), height=48))
+            assert written == dict(zip(("left", "right", "top", "bottom"), letters, strict=True))
+        written.clear()
+        # Halfway between two sides, neither is named.
+        rendering.labelled_picture(rendering.framing(direction(45.0, 0.0), height=48))
+        assert written == {"top": "S", "bottom": "I"}
 
 
 def test_3d_view_shows_more_than_nine_classes(opengl: None, aligned: Geometry) -> None:
