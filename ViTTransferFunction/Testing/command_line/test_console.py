@@ -80,6 +80,19 @@ def test_warnings_have_lines_of_their_own_while_progress_is_shown(stream: io.Str
     assert "WARNING: nothing" in re.split(r"[\r\n]+", stream.getvalue())
 
 
+def test_a_terminal_gets_a_bar_for_each_step_that_says_how_much_of_it_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
+    steps = ("Computing features", "Segmenting")
+    with ProgressBar() as progress:
+        for what in steps:
+            for done in (1, 2, 4):
+                progress(done, 4, what)
+    for what in steps:
+        last = [shown for shown in re.split(r"[\r\n]+", terminal.getvalue()) if shown.startswith(f"{what}:")][-1]
+        assert "100%" in last
+        assert " 4/4 " in last
+
+
 def test_a_log_gets_no_bar_but_what_is_being_done(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", log := io.StringIO())
     with ProgressBar() as progress:
