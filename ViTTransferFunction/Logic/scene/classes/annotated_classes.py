@@ -98,10 +98,11 @@ def restored_states(
     volume_node: Any,
     geometry: Geometry,
 ) -> list[ClassState]:
-    """All classes that a scene is to have once annotated ones are back, which were made out of those that it was opened with.
+    """All classes that a scene is to have once annotated ones are back.
 
-    They take the place of those; what has been changed or added since stays beside them. Where a name is still the same, so are
-    the id, which segments go by, and what files do not say of a class.
+    Where those were made out of the ones that it was opened with, they take their place. What has been changed or added since
+    stays beside them. Where a name is still the same, so are the id, which segments go by, and what files do not say of a
+    class.
 
     Args:
         annotated: see `class_states`.
@@ -114,11 +115,24 @@ def restored_states(
         InputError: see there.
     """
     names = {each.name for each in annotated}
+    to_world = matrix_to_world(volume_node)
+    is_made_of_them = _have_something_in_common([_class_state(each, to_world) for each in annotated], opened)
     # Files have no classes without points.
-    former = {state.name: state for state in opened if state in existing and (state.positive or state.name in names)}
+    replaced = [state for state in opened if state in existing and (state.positive or state.name in names)]
+    former = {state.name: state for state in replaced if is_made_of_them}
     staying = [state for state in existing if state not in former.values()]
     states = class_states(annotated, staying, volume_node, geometry)
     return [*staying, *(_in_place_of(former[state.name], state) if state.name in former else state for state in states)]
+
+
+def _have_something_in_common(states: Sequence[ClassState], others: Sequence[ClassState]) -> bool:
+    """Whether a name or a point of some classes is one of the others'; if not, they were begun on the scan without those."""
+    ones, opposed = (
+        np.array([point for state in each for point in (*state.positive, *state.negative)]).reshape(-1, 3)
+        for each in (states, others)
+    )
+    share_a_point = any(np.isclose(opposed, point, rtol=0.0, atol=SAME_PLACE_MM).all(axis=1).any() for point in ones)
+    return share_a_point or not {state.name for state in states}.isdisjoint(state.name for state in others)
 
 
 def _in_place_of(former: ClassState, state: ClassState) -> ClassState:
