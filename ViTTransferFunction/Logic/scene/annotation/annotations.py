@@ -137,28 +137,28 @@ class SceneAnnotations(WatchedClasses):
         if state.iso is not None:
             state = replace(state, size=0.0)
         with self._edit(kind=f"{id_} {' '.join(sorted(fields))}"):
-            write_class(self._scene, self._positive(id_), state)
+            self._write(state)
 
     def set_close_up(self, id_: str, close_up: CloseUpBox | None) -> None:
         """Have a class looked at in a box of the volume, or in the whole (None); see `ClassState`."""
         with self._edit():
-            write_class(self._scene, self._positive(id_), replace(self._class(id_), close_up=close_up))
+            self._write(replace(self._class(id_), close_up=close_up))
 
     def move_close_ups(self, close_ups: Mapping[str, CloseUpBox]) -> None:
         """Have boxes elsewhere, by class id, since a transform has moved what is in them: no step for undo, as that is none."""
         with self._correct():
             for id_, close_up in close_ups.items():
-                write_class(self._scene, self._positive(id_), replace(self._class(id_), close_up=close_up))
+                self._write(replace(self._class(id_), close_up=close_up))
 
     def step_size(self, id_: str, direction: Literal[-1, 1]) -> None:
         """Make a class one step smaller (−1) or larger (1)."""
         with self._edit():
-            write_class(self._scene, self._positive(id_), stepped(self._class(id_), direction))
+            self._write(stepped(self._class(id_), direction))
 
     def turn_size(self, id_: str, notches: int) -> None:
         """Make a class larger, or smaller, by notches of the wheel; those in a row count as one for undo."""
         with self._edit(kind=f"{id_} wheel"):
-            write_class(self._scene, self._positive(id_), turned(self._class(id_), notches))
+            self._write(turned(self._class(id_), notches))
 
     def points_node(self, id_: str, positive: bool) -> slicer.vtkMRMLMarkupsFiducialNode:
         """The list that the user places a class's points in."""
@@ -166,7 +166,7 @@ class SceneAnnotations(WatchedClasses):
         points = node if positive else negative_node(node)
         if points is None or points.GetDisplayNode() is None:
             with self._edit():  # The user deleted it, or what displays it, without which it takes no clicks; it is made again.
-                write_class(self._scene, node, self._class(id_))
+                self._write(self._class(id_))
         return node if positive else negative_node(node)
 
     def add_points(self, id_: str, points_ras: np.ndarray, positive: bool, continued: bool = False) -> None:
@@ -191,7 +191,7 @@ class SceneAnnotations(WatchedClasses):
                     positive, negative = (_outside(p, points_ras, radius_mm) for p in (state.positive, state.negative))
                     left = replace(state, positive=positive, negative=negative)
                     if left != state:
-                        write_class(self._scene, self._positive(state.id), left)
+                        self._write(left)
 
     def remove_last_point(self, id_: str) -> None:
         """Remove the point of a class that was placed last, positive or negative."""
@@ -199,7 +199,7 @@ class SceneAnnotations(WatchedClasses):
         last = self._order.last(state)
         if last is not None:
             with self._edit():
-                write_class(self._scene, self._positive(id_), replace(state, **{last: getattr(state, last)[:-1]}))
+                self._write(replace(state, **{last: getattr(state, last)[:-1]}))
 
     def remove_points(self, id_: str) -> None:
         """Remove all points of a class, and what they led to: size, iso value, a closer look; one step for undo.
@@ -207,12 +207,16 @@ class SceneAnnotations(WatchedClasses):
         Its name, look and segment are as they were.
         """
         with self._edit():
-            write_class(self._scene, self._positive(id_), begun_anew(self._class(id_)))
+            self._write(begun_anew(self._class(id_)))
 
     def _grow(self, id_: str, points_ras: Mapping[str, np.ndarray]) -> None:
         state = self._class(id_)
         grown = {field: getattr(state, field) + _as_points(points) for field, points in points_ras.items()}
-        write_class(self._scene, self._positive(id_), replace(state, visible=True, **grown))
+        self._write(replace(state, visible=True, **grown))
+
+    def _write(self, state: ClassState) -> None:
+        """Have the class with this id in this state; within an edit."""
+        write_class(self._scene, self._positive(state.id), state)
 
     def _class(self, id_: str) -> ClassState:
         return next(state for state in self.classes if state.id == id_)
