@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from ..Logic.core.system.errors import InputError
 from ..Logic.files.unsaved_files import DELAY_S, LONGEST_DELAY_S, LeftPoints, UnsavedFile, remove_left
-from ..Logic.scene.classes.class_state import ClassState
+from ..Logic.scene.classes.class_state import Classes
 from ..Logic.scene.interface.wording import not_kept_text, unusable_text
 from ..Logic.scene.volumes.volume_nodes import array_from_node
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 LONGEST_DELAYS = round(LONGEST_DELAY_S / DELAY_S)
 """So many times the loop waits for an answer that does not come."""
 
-Classes = tuple[ClassState, ...]
 _Result = TypeVar("_Result")
 
 

@@ -17,7 +17,7 @@ import slicer
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.files.unsaved_files import DELAY_S, LONGEST_DELAY_S, LeftPoints, UnsavedFile, remove_left
 from ViTTransferFunction.Logic.scene.classes.class_nodes import points_are_in_files
-from ViTTransferFunction.Logic.scene.classes.class_state import ClassState
+from ViTTransferFunction.Logic.scene.classes.class_state import Classes
 from ViTTransferFunction.Logic.scene.interface.wording import not_kept_text, not_saved_text, unusable_text
 from ViTTransferFunction.Logic.scene.volumes.volume_content import first_frame
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import array_from_node
@@ -27,7 +27,6 @@ from ViTTransferFunction.Widget.wording import breakable
 _LEAVE_S = 0.001
 """For so long `advance` leaves Python to the thread: Slicer's event loop holds Python's lock while it idles."""
 
-Classes = tuple[ClassState, ...]
 _Key = tuple[str, tuple[int, ...], bytes]
 
 

@@ -11,7 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.scene.classes.class_nodes import class_nodes, read_class
-from ViTTransferFunction.Logic.scene.classes.volume_histories import Classes
+from ViTTransferFunction.Logic.scene.classes.class_state import Classes
 from ViTTransferFunction.Logic.scene.mrml.nodes import displays_of, nodes_of_class
 from ViTTransferFunction.Testing.support.scenes import FollowUp, add_segment, open_spheres, segment_masks
 from ViTTransferFunction.Testing.support.segments import everything_about

@@ -24,6 +24,7 @@ from ..classes.class_nodes import (
 )
 from ..classes.class_size import stepped, turned
 from ..classes.class_state import (
+    Classes,
     ClassState,
     CloseUpBox,
     begun_anew,
@@ -32,7 +33,6 @@ from ..classes.class_state import (
     new_class_state,
     without_points,
 )
-from ..classes.volume_histories import Classes
 from ..mrml.point_lists import Point
 from .watched_classes import WatchedClasses
 

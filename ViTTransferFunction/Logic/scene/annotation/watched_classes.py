@@ -28,10 +28,10 @@ from ..classes.class_nodes import (
     write_class,
     write_classes,
 )
-from ..classes.class_state import sharing
+from ..classes.class_state import Classes, sharing
 from ..classes.history import AnnotationHistory
 from ..classes.point_order import PointOrder
-from ..classes.volume_histories import Classes, VolumeHistories
+from ..classes.volume_histories import VolumeHistories
 from ..interface.parameters import referred
 from ..mrml.point_list_watch import PointListWatch
 from ..mrml.point_lists import index_of_new_point

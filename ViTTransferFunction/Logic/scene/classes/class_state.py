@@ -65,6 +65,9 @@ class ClassState:
         return self.look.color
 
 
+Classes = tuple[ClassState, ...]
+"""All classes of a volume, in order."""
+
 _OF_LOOK = tuple(each.name for each in fields(Appearance))
 
 

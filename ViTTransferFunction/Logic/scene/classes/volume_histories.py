@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from .class_state import ClassState
+from .class_state import Classes
 from .history import AnnotationHistory
-
-Classes = tuple[ClassState, ...]
 
 
 class VolumeHistories:
