@@ -8,6 +8,7 @@ from typing import Any
 
 import slicer
 import vtk
+from PySide6.QtTest import QTest
 
 from ViTTransferFunction.Testing.support.event_loop import idle_with_the_lock
 from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
@@ -20,6 +21,12 @@ def wait_until(condition: Callable[[], bool]) -> None:
         assert time.monotonic() < until, "nothing came"
         slicer.app.processEvents()
         idle_with_the_lock(0.005)
+
+
+def in_front(window: Any) -> None:
+    """Have keys go to a window."""
+    window.activateWindow()
+    QTest.qWait(10)
 
 
 def add_class(widget: Any, name: str = "") -> Any:

@@ -17,7 +17,6 @@ import SimpleITK as sitk  # noqa: N813
 pytest.importorskip("trame_slicer")
 pytest.importorskip("psutil")
 
-from ViTTransferFunction.Logic.core.system.atomic_file import TEMPORARY
 from ViTTransferFunction.Logic.core.system.private_folder import PREFIX
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.files import unsaved_files
@@ -25,6 +24,7 @@ from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import array_from_node
 from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.Testing.support.spheres import Spheres
+from ViTTransferFunction.Testing.support.unsaved_points import kept_in
 from ViTTransferFunction.Testing.support.web_app import Server, serving
 from ViTTransferFunction.Testing.web_app.test_points_file import points, send
 from ViTTransferFunction.Testing.web_app.test_saving import browser_of, status_and_body, until
@@ -45,11 +45,6 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 def folder(a_cache_of_its_own: Path) -> Path:
     """Where they are kept."""
     return a_cache_of_its_own / "unsaved"
-
-
-def kept_in(folder: Path) -> list[Path]:
-    """But for those that are still being written."""
-    return sorted(path for path in folder.glob("*.annotations.json") if not path.name.startswith(TEMPORARY))
 
 
 def click(app: WebApp, name: str = "liver", place: int = 0) -> None:

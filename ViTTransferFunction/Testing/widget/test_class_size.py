@@ -13,22 +13,16 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 import slicer
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QWidget
 
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.standin.host import Host
-from ViTTransferFunction.Testing.support.widgets import add_class, place, wait_until
+from ViTTransferFunction.Testing.support.widgets import add_class, in_front, place, wait_until
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
 
 def size(widget: Any) -> float:
     return float(widget.panel.session.selected_class.size)
-
-
-def in_front(window: QWidget) -> None:
-    window.activateWindow()
-    QTest.qWait(10)
 
 
 def test_the_buttons_step_and_the_words_beside_them_say_how_far(widget: Any) -> None:

@@ -21,7 +21,7 @@ from PySide6.QtWidgets import QApplication, QLineEdit
 from ViTTransferFunction.Logic.core.classes.diameter_points import points_of_diameter
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.standin.host import Host
-from ViTTransferFunction.Testing.support.widgets import add_class, place, text, wait_until
+from ViTTransferFunction.Testing.support.widgets import add_class, in_front, place, text, wait_until
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
@@ -171,8 +171,7 @@ def test_the_colour_is_changed_by_the_menu_as_well(widget: Any, monkeypatch: pyt
 
 
 def test_keys_select_the_structure_above_and_below_and_the_tables_ends_meet(widget: Any, host: Host) -> None:
-    host.window.activateWindow()
-    QTest.qWait(10)
+    in_front(host.window)
     QTest.keyClick(host.window, Qt.Key.Key_W)
     for name in ("liver", "spleen", "aorta"):
         add_class(widget, name)

@@ -22,7 +22,7 @@ from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.known_features import GRID
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.standin.host import PANEL_WIDTH, Host
-from ViTTransferFunction.Testing.support.widgets import add_class, place, wait_until
+from ViTTransferFunction.Testing.support.widgets import add_class, in_front, place, wait_until
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
@@ -113,8 +113,7 @@ def test_without_features_only_the_way_back_is_open(widget: Any) -> None:
 
 
 def test_the_key_looks_closer_and_says_why_where_it_cannot(clicked: Any, host: Host) -> None:
-    host.window.activateWindow()
-    QTest.qWait(10)
+    in_front(host.window)
     QTest.keyClick(host.window, Qt.Key.Key_C)
     assert close_up(clicked) is not None
     add_class(clicked, "liver")

@@ -41,7 +41,7 @@ from ViTTransferFunction.Testing.support.spheres import Spheres
 from ViTTransferFunction.Testing.support.standin import ctk
 from ViTTransferFunction.Testing.support.standin.host import PANEL_WIDTH, Host
 from ViTTransferFunction.Testing.support.standin.node_combo_box import qMRMLNodeComboBox
-from ViTTransferFunction.Testing.support.widgets import add_class, place, text, wait_until
+from ViTTransferFunction.Testing.support.widgets import add_class, in_front, place, text, wait_until
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
@@ -358,8 +358,7 @@ def test_a_line_across_a_structure_in_any_slice_view_becomes_points_inside_and_o
     widget: Any, host: Host
 ) -> None:
     add_class(widget)
-    host.window.activateWindow()
-    QTest.qWait(10)
+    in_front(host.window)
     QTest.keyClick(host.window, Qt.Key.Key_M)
     assert widget.ui.diameterButton.isChecked()
     drag("Red", (60, 100), (90, 120), (140, 100))
@@ -382,8 +381,7 @@ def test_a_line_across_a_structure_in_any_slice_view_becomes_points_inside_and_o
 
 def test_an_outline_drawn_in_any_slice_view_becomes_points_inside_and_around_in_one_step(widget: Any, host: Host) -> None:
     add_class(widget)
-    host.window.activateWindow()
-    QTest.qWait(10)
+    in_front(host.window)
     QTest.keyClick(host.window, Qt.Key.Key_O)
     assert widget.ui.outlineButton.isChecked()
     # The view has pixels of 1 mm, and its middle is the patient's.
@@ -429,8 +427,7 @@ def test_a_region_beside_the_volume_is_said_to_be_there_and_adds_nothing(ready: 
 
 def test_the_list_of_keys_opens_and_closes_and_leaves_the_keyboard_to_the_main_window(widget: Any, host: Host) -> None:
     add_class(widget)
-    host.window.activateWindow()
-    QTest.qWait(10)
+    in_front(host.window)
     QTest.keyClick(host.window, Qt.Key.Key_Question)
     (shown,) = (window for window in host.window.findChildren(QDialog) if window.isVisible())
     told = "".join(label.text() for label in shown.findChildren(QLabel))
@@ -448,8 +445,7 @@ def test_the_list_of_keys_opens_and_closes_and_leaves_the_keyboard_to_the_main_w
     assert widget.panel.tools.tool is None
     for key in (Qt.Key.Key_Escape, Qt.Key.Key_Question):
         QTest.keyClick(host.window, Qt.Key.Key_Question)
-        shown.activateWindow()
-        QTest.qWait(10)
+        in_front(shown)
         QTest.keyClick(shown, key)
         assert not shown.isVisible()
 
@@ -478,8 +474,7 @@ def test_the_keys_listed_are_the_keys_installed_and_only_brackets_are_slicer_s(w
 
 def test_keys_do_what_the_buttons_do_while_the_module_is_open(widget: Any, host: Host) -> None:
     add_class(widget)
-    host.window.activateWindow()
-    QTest.qWait(10)
+    in_front(host.window)
     QTest.keyClick(host.window, Qt.Key.Key_N)
     assert widget.panel.tools.tool == "pointOff"
     QTest.keyClick(host.window, Qt.Key.Key_E)
@@ -507,8 +502,7 @@ def test_a_key_that_is_held_down_takes_up_no_tool_again_and_removes_one_structur
 
 def test_undo_and_redo_are_on_the_keys_of_other_programs_too(widget: Any, host: Host) -> None:
     add_class(widget)
-    host.window.activateWindow()
-    QTest.qWait(10)
+    in_front(host.window)
     ctrl, shift = Qt.KeyboardModifier.ControlModifier, Qt.KeyboardModifier.ShiftModifier
     for key, held, count in (
         (Qt.Key.Key_Z, ctrl, 0),
@@ -525,11 +519,6 @@ def test_keys_without_a_structure_do_nothing(widget: Any) -> None:
         shortcut.activated.emit()
     assert widget.panel.session.classes == ()
     assert widget.panel.tools.tool is None
-
-
-def in_front(window: QWidget) -> None:
-    window.activateWindow()
-    QTest.qWait(10)
 
 
 def test_keys_work_in_a_window_with_views_on_a_second_monitor(widget: Any, host: Host) -> None:

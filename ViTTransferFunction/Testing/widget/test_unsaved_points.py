@@ -17,13 +17,13 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
 
-from ViTTransferFunction.Logic.core.system.atomic_file import TEMPORARY
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.unsaved_files import UnsavedFile
 from ViTTransferFunction.Testing.support.programs import OPEN, run
 from ViTTransferFunction.Testing.support.scenes import add_volume
 from ViTTransferFunction.Testing.support.sequences import Sequence
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
+from ViTTransferFunction.Testing.support.unsaved_points import kept_in
 from ViTTransferFunction.Testing.support.widgets import wait_until
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
@@ -65,11 +65,6 @@ def click(panel: Any, spheres: Spheres) -> Click:
         session.annotations.add_points(id_, centre_ras(spheres, label), positive=True)
 
     return place
-
-
-def kept_in(folder: Path) -> list[Path]:
-    """But for those that are still being written."""
-    return sorted(path for path in folder.glob("*.annotations.json") if not path.name.startswith(TEMPORARY))
 
 
 def points_kept_in(folder: Path) -> list[dict[str, int]]:

@@ -15,7 +15,7 @@ from ViTTransferFunction.Logic.scene.classes.class_state import ClassState
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.views import proposal_outlines
 from ViTTransferFunction.Logic.scene.views.proposal_outlines import STYLE
-from ViTTransferFunction.Testing.support.scenes import add_parameter_node, open_spheres, put_under
+from ViTTransferFunction.Testing.support.scenes import open_spheres, put_under
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
 
@@ -77,11 +77,8 @@ def test_an_iso_value_at_its_end_stays_within_its_range(iso: float) -> None:
 
 
 @pytest.fixture
-def session(slicer_app: Any) -> Iterator[SceneSession]:
-    """A session without a volume, which starts no compute process."""
-    session = SceneSession(slicer_app.scene, slicer_app.app_logic, add_parameter_node(slicer_app.scene))
-    yield session
-    session.close()
+def session(session_without_volume: SceneSession) -> SceneSession:
+    return session_without_volume
 
 
 def sizes(session: SceneSession) -> list[float]:
