@@ -20,6 +20,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from ..core.system.errors import InputError
+from ..core.volumes.orientation import voxels_before
 from . import large_arrays
 
 if TYPE_CHECKING:
@@ -80,8 +81,7 @@ class GridLayout:
                 f"{tuple(float(s) for s in spacing_mm)} mm into {layout.dense_cells:.3g} cells; expected at most "
                 f"{MAX_DENSE_CELLS:.3g}. Raise either sigma, or refine a smaller region."
             )
-        k, j, i = (-n % edge if end else 0 for n, edge, end in zip(voxels, layout.cell_voxels, from_end, strict=True))
-        return replace(layout, before=(k, j, i))
+        return replace(layout, before=voxels_before(voxels, layout.cell_voxels, from_end))
 
     @classmethod
     def sigma_that_fits_mm(

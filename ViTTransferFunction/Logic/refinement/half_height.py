@@ -26,7 +26,7 @@ import numpy as np
 from ..core.system.progress import Between, nothing_between
 from ..core.volumes.geometry import Box, Geometry
 from ..core.volumes.intensity_window import IntensityWindow
-from ..core.volumes.orientation import canonical_orientation
+from ..core.volumes.orientation import canonical_orientation, voxels_before
 from ..core.volumes.torch_arrays import array_of, tensor_of
 from .neighbourhood_sums import REACH, neighbourhood_sums
 from .parts import parts
@@ -68,8 +68,8 @@ class BlockGrid:
         """Those of a volume's box; they begin at the same end of the patient in whatever direction the volume is stored."""
         k, j, i = np.clip(np.rint(BLOCK_MM / geometry.spacing_mm[::-1]), 1, _LARGEST_BLOCK).astype(int).tolist()
         from_end = canonical_orientation(geometry).runs_along
-        first = [extent.start - n * end for extent, n, end in zip(box, geometry.shape, from_end, strict=True)]
-        return cls((k, j, i), (first[0] % k, first[1] % j, first[2] % i))
+        first = box[0].start, box[1].start, box[2].start
+        return cls((k, j, i), voxels_before(geometry.shape, (k, j, i), from_end, first))
 
     def in_layers(self, layers: slice) -> BlockGrid:
         """The same in some layers of what is looked at."""

@@ -55,8 +55,7 @@ class Orientation:
     def runs_along(self) -> tuple[bool, bool, bool]:
         """Whether the stored array's axes run as their canonical ones do, not against them.
 
-        What is divided from one end on begins at the last voxel of those that do: where it begins is the same then in whatever
-        direction a scan is stored.
+        See `voxels_before`.
         """
         first, second, third = (not self.mirrored[self.order.index(axis)] for axis in range(3))
         return first, second, third
@@ -76,3 +75,27 @@ def canonical_orientation(geometry: Geometry) -> Orientation:
     order = max(permutations(range(3)), key=lambda axes: sum(abs(alignment[row, axis]) for row, axis in enumerate(axes)))
     first, second, third = (bool(alignment[row, axis] < 0.0) for row, axis in enumerate(order))
     return Orientation((order[0], order[1], order[2]), (first, second, third))
+
+
+def voxels_before(
+    shape: tuple[int, int, int],
+    edges: tuple[int, int, int],
+    from_end: tuple[bool, bool, bool],
+    first: tuple[int, int, int] = (0, 0, 0),
+) -> tuple[int, int, int]:
+    """How far the first block of a divided volume, or of a part of it, begins before the first voxel.
+
+    With `Orientation.runs_along` as `from_end`, blocks begin at the same end of the patient in whatever direction a scan is
+    stored, and hold the same voxels.
+
+    Args:
+        shape: of the volume, (K, J, I).
+        edges: of a block, in voxels.
+        from_end: along which axes a block ends with the volume's last voxel; along the others, one begins with its first.
+        first: the part's first voxel, (K, J, I); that of the whole volume unless given.
+
+    Returns:
+        Voxels of the first block that lie before `first`, along (K, J, I).
+    """
+    k, j, i = ((start - size * end) % edge for start, size, end, edge in zip(first, shape, from_end, edges, strict=True))
+    return k, j, i
