@@ -229,6 +229,40 @@ def proposals_around(iso: float, at_positives: np.ndarray) -> IsoProposals:
     return IsoProposals(smaller, iso, LARGER * iso)
 
 
+def edge_strength_at(cdf: IntensityCdf, points_ras: np.ndarray, steps_ras: np.ndarray) -> np.ndarray:
+    """Gradient magnitude of the intensities' CDF, over its mean, (N,) float32.
+
+    Args:
+        cdf: of the volume.
+        points_ras: (N, 3) RAS millimetres.
+        steps_ras: (3, 3), one in each row: steps along the volume's own axes over which differences are taken, to either side.
+            Along the patient's, an oblique volume would have other edges than the same volume stored along the patient's axes.
+    """
+    squared = np.zeros(len(points_ras), dtype=np.float32)
+    for step in steps_ras:
+        squared += (cdf.at(points_ras + step) - cdf.at(points_ras - step)) ** 2
+    strength = np.sqrt(squared)
+    return strength / max(float(strength.mean()), 1e-12)
+
+
+def iso_between_points(at_positives: np.ndarray, at_negatives: np.ndarray) -> float:
+    """The iso value that lies in the middle between the points to include and those to exclude.
+
+    Args:
+        at_positives: (N, …) the class's map at its own positive points, N ≥ 1.
+        at_negatives: (M,) the same map at its negative points and at all other classes' positive points, M ≥ 0.
+
+    Returns:
+        The middle between the means of the two groups, or half of the positives' mean where there are no negatives; never so
+        low or high that everything or nothing would be selected.
+    """
+    typical = float(np.mean(at_positives))
+    iso = ISO_WITHOUT_NEGATIVES * typical
+    if len(at_negatives):
+        iso = max(iso, 0.5 * (typical + float(np.mean(at_negatives))))
+    return float(np.clip(iso, SMALLEST_ISO, LARGEST_ISO))
+
+
 def _strength_along_surfaces(levels: Levels, edge_strength: np.ndarray) -> np.ndarray:
     """Mean edge strength near the iso-surface of each candidate, (candidates,)."""
     # A histogram over log levels: the edge strength at every level costs one pass over the map.
@@ -279,37 +313,3 @@ def _bins(similarity: np.ndarray) -> np.ndarray:
 def _near(width: float) -> np.ndarray:
     """How much each level counts for the surface at each candidate, (candidates, levels)."""
     return np.exp(-0.5 * ((np.log(_LEVELS) - np.log(CANDIDATES)[:, None]) / width) ** 2)
-
-
-def edge_strength_at(cdf: IntensityCdf, points_ras: np.ndarray, steps_ras: np.ndarray) -> np.ndarray:
-    """Gradient magnitude of the intensities' CDF, over its mean, (N,) float32.
-
-    Args:
-        cdf: of the volume.
-        points_ras: (N, 3) RAS millimetres.
-        steps_ras: (3, 3), one in each row: steps along the volume's own axes over which differences are taken, to either side.
-            Along the patient's, an oblique volume would have other edges than the same volume stored along the patient's axes.
-    """
-    squared = np.zeros(len(points_ras), dtype=np.float32)
-    for step in steps_ras:
-        squared += (cdf.at(points_ras + step) - cdf.at(points_ras - step)) ** 2
-    strength = np.sqrt(squared)
-    return strength / max(float(strength.mean()), 1e-12)
-
-
-def iso_between_points(at_positives: np.ndarray, at_negatives: np.ndarray) -> float:
-    """The iso value that lies in the middle between the points to include and those to exclude.
-
-    Args:
-        at_positives: (N, …) the class's map at its own positive points, N ≥ 1.
-        at_negatives: (M,) the same map at its negative points and at all other classes' positive points, M ≥ 0.
-
-    Returns:
-        The middle between the means of the two groups, or half of the positives' mean where there are no negatives; never so
-        low or high that everything or nothing would be selected.
-    """
-    typical = float(np.mean(at_positives))
-    iso = ISO_WITHOUT_NEGATIVES * typical
-    if len(at_negatives):
-        iso = max(iso, 0.5 * (typical + float(np.mean(at_negatives))))
-    return float(np.clip(iso, SMALLEST_ISO, LARGEST_ISO))

@@ -136,6 +136,36 @@ class KernelRidge:
                     prior = self._prior(requests[index], without_its_negatives)
                     yield index, SimilarityMap(of_class.reshape(self._features.geometry.shape), prior)
 
+    def iso(self, coarse: SimilarityMap, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
+        """See `SimilarityRule`."""
+        assert coarse.prior is not None
+        at_positives = sample_at(coarse.array[..., None], self._features.geometry, requests[index].positive)
+        similarity = coarse.array.ravel()[self._intensities.iso_cells]
+        components = self._components(requests, index)
+        iso = choose_iso_by_edges(similarity, self._intensities.edge_strength, at_positives, coarse.prior, components)
+        return proposals_around(iso, at_positives)
+
+    def refined_iso(
+        self,
+        similarity: VoxelMap,
+        coarse: SimilarityMap,
+        requests: Sequence[ClassRequest],
+        index: int,
+        between: Between = nothing_between,
+    ) -> IsoProposals:
+        """See `SimilarityRule`."""
+        assert coarse.prior is not None
+        positive = requests[index].positive
+        at_positives = similarity.at(self._volume_geometry, positive)
+        at_cells = similarity.at_cells(self._intensities.iso_cells, self._iso_cells_in_volume)
+        coarse_at_positives = sample_at(coarse.array[..., None], self._features.geometry, positive)
+        prior = refined_prior(coarse.prior, coarse_at_positives, at_positives)
+        edge_strength = self._intensities.edge_strength
+        components = self._components(requests, index)
+        spread = similarity.spread(STABILITY_SAMPLES, canonical_orientation(self._volume_geometry))
+        iso = choose_refined_iso(spread, at_cells, edge_strength, at_positives, prior, components, between)
+        return proposals_around(iso, at_positives)
+
     def _looked_at(self, annotated: AnnotatedPoints) -> _Points:
         """What lies at annotated points, and which others each is judged by."""
         places = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
@@ -162,6 +192,43 @@ class KernelRidge:
             return np.asarray(factors)
 
         return self._rows.indices(points.row_keys, write)
+
+    def _weights(
+        self, points: _Points, joined: np.ndarray, share: np.ndarray, between: Between
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """α of points and background, (P + B, classes), 0 where a class does not see one; and those without negative points.
+
+        Args:
+            points: all annotated ones.
+            joined: C of each pair, (P, P).
+            share: b of each, (P,).
+            between: called between steps; may raise `Cancelled`.
+        """
+        annotated, places = points.annotated, points.places
+        targets, reach = annotated.targets, self._reach.of(points.row_keys)
+        joined_to_background = self._connected.at(points.keys, self._background_cells).T
+        to_points = place_kernel(self._background, places).astype(np.float64) * ((1.0 - share) + share * joined_to_background)
+        to_points *= reach.factors(places, self._background).T
+        of_points = place_kernel(places, places).astype(np.float64) * point_factors(joined, share)
+        of_points *= reach.factors_between(places)
+        kernel = np.block([[of_points, to_points.T], [to_points, self._background_kernel]])
+        background = np.zeros((len(to_points), targets.shape[1]))
+        wanted = np.concatenate([targets, background])
+        ridge = np.concatenate([point_ridge(annotated), np.full(len(background), BACKGROUND_RIDGE)])
+        seen = ~np.isnan(wanted)
+        weights = solve_each(kernel, ridge, wanted, seen, between)
+        for _ in range(BACKGROUND_ROUNDS):
+            scores = kernel[len(targets) :] @ weights
+            # A cell that turns out to lie inside any of the classes is no background for the others either.
+            stays = seen[len(targets) :] & (scores <= BACKGROUND_LIMIT).all(axis=1, keepdims=True)
+            if np.array_equal(stays, seen[len(targets) :]):
+                break
+            seen[len(targets) :] = stays
+            weights = solve_each(kernel, ridge, wanted, seen, between)
+        if annotated.positive.all():
+            return weights, weights
+        seen[: len(targets)][~annotated.positive] = False
+        return weights, solve_each(kernel, ridge, wanted, seen, between)
 
     def _weights_of_rows(self, weights: np.ndarray, rows: np.ndarray, parts: np.ndarray) -> np.ndarray:
         """α of points and background cells (P + B, classes) as weights of kernel rows, (classes, rows).
@@ -200,50 +267,6 @@ class KernelRidge:
         steps_ras = np.concatenate([np.zeros((1, 3)), axes_ras, -axes_ras])
         return self._cells_at((points_ras[:, None] + steps_ras).reshape(-1, 3)).reshape(-1, len(steps_ras))
 
-    def _places(self, features: np.ndarray, positions_ras: np.ndarray) -> Places:
-        return Places(features, self._centred(positions_ras), self._cdf.around(positions_ras))
-
-    def _centred(self, positions_ras: np.ndarray) -> np.ndarray:
-        """In units of σ_x around the volume's centre, so that float32 holds differences of positions far from the origin."""
-        centred: np.ndarray = ((positions_ras - self._centre_ras) / self._sigma_mm).astype(np.float32)
-        return centred
-
-    def _cells_at(self, points_ras: np.ndarray) -> np.ndarray:
-        """The cell that holds each of the points (P, 3), or the nearest one: its index, (P,)."""
-        geometry = self._features.geometry
-        cells: np.ndarray = np.ravel_multi_index(tuple(geometry.nearest_voxels(points_ras).T), geometry.shape)
-        return cells
-
-    def iso(self, coarse: SimilarityMap, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
-        """See `SimilarityRule`."""
-        assert coarse.prior is not None
-        at_positives = sample_at(coarse.array[..., None], self._features.geometry, requests[index].positive)
-        similarity = coarse.array.ravel()[self._intensities.iso_cells]
-        components = self._components(requests, index)
-        iso = choose_iso_by_edges(similarity, self._intensities.edge_strength, at_positives, coarse.prior, components)
-        return proposals_around(iso, at_positives)
-
-    def refined_iso(
-        self,
-        similarity: VoxelMap,
-        coarse: SimilarityMap,
-        requests: Sequence[ClassRequest],
-        index: int,
-        between: Between = nothing_between,
-    ) -> IsoProposals:
-        """See `SimilarityRule`."""
-        assert coarse.prior is not None
-        positive = requests[index].positive
-        at_positives = similarity.at(self._volume_geometry, positive)
-        at_cells = similarity.at_cells(self._intensities.iso_cells, self._iso_cells_in_volume)
-        coarse_at_positives = sample_at(coarse.array[..., None], self._features.geometry, positive)
-        prior = refined_prior(coarse.prior, coarse_at_positives, at_positives)
-        edge_strength = self._intensities.edge_strength
-        components = self._components(requests, index)
-        spread = similarity.spread(STABILITY_SAMPLES, canonical_orientation(self._volume_geometry))
-        iso = choose_refined_iso(spread, at_cells, edge_strength, at_positives, prior, components, between)
-        return proposals_around(iso, at_positives)
-
     def _components(self, requests: Sequence[ClassRequest], index: int) -> Components:
         return Components(self._intensities.components.of_class(requests, index), _different_positives(requests[index]))
 
@@ -252,42 +275,19 @@ class KernelRidge:
         # Not before something is refined, which is after the first map.
         return FixedPlaces(self._volume_geometry, self._intensities.centres_ras[self._intensities.iso_cells])
 
-    def _weights(
-        self, points: _Points, joined: np.ndarray, share: np.ndarray, between: Between
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """α of points and background, (P + B, classes), 0 where a class does not see one; and those without negative points.
+    def _places(self, features: np.ndarray, positions_ras: np.ndarray) -> Places:
+        return Places(features, self._centred(positions_ras), self._cdf.around(positions_ras))
 
-        Args:
-            points: all annotated ones.
-            joined: C of each pair, (P, P).
-            share: b of each, (P,).
-            between: called between steps; may raise `Cancelled`.
-        """
-        annotated, places = points.annotated, points.places
-        targets, reach = annotated.targets, self._reach.of(points.row_keys)
-        joined_to_background = self._connected.at(points.keys, self._background_cells).T
-        to_points = place_kernel(self._background, places).astype(np.float64) * ((1.0 - share) + share * joined_to_background)
-        to_points *= reach.factors(places, self._background).T
-        of_points = place_kernel(places, places).astype(np.float64) * point_factors(joined, share)
-        of_points *= reach.factors_between(places)
-        kernel = np.block([[of_points, to_points.T], [to_points, self._background_kernel]])
-        background = np.zeros((len(to_points), targets.shape[1]))
-        wanted = np.concatenate([targets, background])
-        ridge = np.concatenate([point_ridge(annotated), np.full(len(background), BACKGROUND_RIDGE)])
-        seen = ~np.isnan(wanted)
-        weights = solve_each(kernel, ridge, wanted, seen, between)
-        for _ in range(BACKGROUND_ROUNDS):
-            scores = kernel[len(targets) :] @ weights
-            # A cell that turns out to lie inside any of the classes is no background for the others either.
-            stays = seen[len(targets) :] & (scores <= BACKGROUND_LIMIT).all(axis=1, keepdims=True)
-            if np.array_equal(stays, seen[len(targets) :]):
-                break
-            seen[len(targets) :] = stays
-            weights = solve_each(kernel, ridge, wanted, seen, between)
-        if annotated.positive.all():
-            return weights, weights
-        seen[: len(targets)][~annotated.positive] = False
-        return weights, solve_each(kernel, ridge, wanted, seen, between)
+    def _cells_at(self, points_ras: np.ndarray) -> np.ndarray:
+        """The cell that holds each of the points (P, 3), or the nearest one: its index, (P,)."""
+        geometry = self._features.geometry
+        cells: np.ndarray = np.ravel_multi_index(tuple(geometry.nearest_voxels(points_ras).T), geometry.shape)
+        return cells
+
+    def _centred(self, positions_ras: np.ndarray) -> np.ndarray:
+        """In units of σ_x around the volume's centre, so that float32 holds differences of positions far from the origin."""
+        centred: np.ndarray = ((positions_ras - self._centre_ras) / self._sigma_mm).astype(np.float32)
+        return centred
 
 
 def _row_keys(keys: Sequence[bytes], before: Mapping[int, np.ndarray], positive: np.ndarray) -> list[bytes]:
