@@ -50,24 +50,25 @@ from .requests import (
 
 Phase = Literal["no volume", "no features", "extracting", "ready"]
 Event = Literal["state", "first map", "maps", "volumes", "refined", "rendering", "labels"]
-"""What a poll can bring: phase, progress, estimate or an error; S_L of the class that is waited for; of all; how large segments
-are by them; S_H; a volume of structures; a label map."""
+"""What is new after a `poll`. "state": phase, progress, estimate or an error; "first map": S_L of the class that is waited for;
+"maps": S_L of all classes; "volumes": the size of their segments; "refined": S_H; "rendering": a volume of structures for the
+3D views; "labels": a label map."""
 
 _WAITED_FOR = {Extract: "Starting", LookCloser: "Looking closer", SegmentClasses: SEGMENTING}
-"""Requests whose progress is shown, and in which words until they have made some. A refinement after a click is quick, and the
-user does not wait for it."""
+"""Requests whose progress is shown, and the words that are shown until the first progress is reported. A refinement after a
+click is not among them: it is quick, and the user does not wait for it."""
 
 
 class SegmentationProxy:
-    """One volume at a time, in a compute process that is started when it is first needed, or ahead by `start`.
+    """One volume at a time, in a compute process that is started when it is first needed, or earlier by `start`.
 
     Args:
         start_client: starts the compute process.
-        may_start: whether that would be of any use; as long as it is not, nothing is started, and nobody told of it.
+        may_start: whether the process can work once started; as long as it cannot, it is not started, without an error.
 
     Attributes:
         phase: how far the volume is.
-        voxels: the digest of the volume's (`Taken`); empty until known.
+        voxels: digest of the volume's voxels (`Taken`); empty until known.
         usable: whether maps can be had: once features are ready, or while they still become finer.
         not_kept: why its features will have to be computed again next time, in words for the user; empty where they will not.
         estimate: what its features will cost; None until known.
@@ -132,7 +133,7 @@ class SegmentationProxy:
             self._pending.ask(volume)
             self._pending.ask(Prepare(settings))
         elif before is not None and self._pending.started:
-            # The process goes on, ready for the next one; gigabytes of this one are not to wait for that.
+            # The process stays, ready for the next volume, but must not hold gigabytes of this one until then.
             self._pending.ask(ReleaseVolume())
 
     def extract(self) -> None:
@@ -197,27 +198,27 @@ class SegmentationProxy:
 
     @property
     def maps(self) -> Mapping[str, ClassMap]:
-        """By class id, S_H where there are, else S_L; see `AnsweredMaps`."""
+        """By class id: S_H if there is one, else S_L; see `AnsweredMaps`."""
         return self._answers.maps
 
     @property
     def refined(self) -> tuple[bool, ...]:
-        """Of each of `maps`, whether it is S_H."""
+        """For each of `maps`, whether it is S_H."""
         return self._answers.refined
 
     @property
     def low_maps(self) -> Mapping[str, ClassMap]:
-        """By class id, S_L, also where `maps` are refined."""
+        """By class id: S_L, also where `maps` has S_H."""
         return self._answers.low_maps
 
     @property
     def volumes_ml(self) -> Mapping[str, float]:
-        """By class id, of the segment that the class gets by `maps`, millilitres; a moment later than these."""
+        """By class id: the size of the segment that results from `maps`, millilitres; comes a moment after these."""
         return self._answers.volumes_ml
 
     @property
     def looks_closer(self) -> bool:
-        """Whether it is close-ups that `progress` is of."""
+        """Whether `progress` is that of close-ups."""
         return self._pending.has(LookCloser) and not self._pending.has(SegmentClasses)
 
     @property
@@ -232,7 +233,7 @@ class SegmentationProxy:
 
     @property
     def first_up_to_date(self) -> bool:
-        """Whether that of the class that is waited for is."""
+        """The same for the map of the class that is waited for, `first` of the last `update`."""
         return self.up_to_date or (not self._due.maps_due and self._answers.first_came)
 
     @property
@@ -248,7 +249,7 @@ class SegmentationProxy:
 
     @property
     def pid(self) -> int | None:
-        """The number of the compute process; None where none runs."""
+        """The process id of the compute process; None if none runs."""
         return self._pending.pid
 
     def take_error(self) -> str | None:
@@ -257,7 +258,7 @@ class SegmentationProxy:
         return error
 
     def take_labels(self) -> tuple[Labels, list[str]] | None:
-        """What has come of `segment` since the last call: labels, and ids of the classes that 1, 2, … stand for in them."""
+        """The result of `segment` if it has come since the last call: labels, and the ids of the classes 1, 2, … in them."""
         labels, self._labels = self._labels, None
         return labels
 
@@ -335,17 +336,17 @@ class SegmentationProxy:
         if isinstance(request, Extract):
             self.phase = "no features"
             if isinstance(reply, Failed) and self.estimate is not None and self.estimate.cached:
-                # They cannot be used after all. What they cost then, a download say, users know before they ask for them.
+                # The cached features cannot be used after all. Users learn what new ones cost before they ask for them.
                 self.estimate, self._loads_at_once = None, False
                 self._pending.ask(Prepare(self._settings))
         elif isinstance(request, LookCloser):
             self._due.decline(request)
         elif isinstance(request, TakeVolume):
-            # What was asked about it next cannot be answered either.
+            # Requests that were sent after it cannot be answered either.
             self.phase, self.progress = "no volume", None
             self._pending.forget()
         elif isinstance(request, Prepare):
-            # So that the reason is not followed by another one, which says less.
+            # It would fail for the same reason, with a message that says less.
             self._pending.give_up(Extract)
             self.phase, self.progress, self._refused = "no features", None, True
         if isinstance(reply, Failed):
@@ -383,7 +384,7 @@ class SegmentationProxy:
         self._answers.take(request, reply, refining=self._due.refinement is not None)
         self.awaiting_close_ups = reply.awaiting_close_ups
         self._due.maps_came(request, may_look_closer=bool(reply.awaiting_close_ups) and self.phase == "ready")
-        # It may be the answer to what the user has scrolled past.
+        # The user may have changed sizes or iso values since these maps were asked for.
         self._answers.resize(self._due.classes)
         return {"maps"}
 
@@ -403,17 +404,17 @@ class SegmentationProxy:
     def _on_labels(self, request: SegmentClasses, reply: Labels) -> set[Event]:
         self._labels = reply, [annotated.id for annotated in request.classes]
         if self.awaiting_close_ups:
-            # Those that could not be made before were, for the labels: what is shown is to be what was written.
+            # Close-ups that could not be made for the maps were made for the labels: the maps shown are to match these.
             self._due.features_came()
         return {"labels"}
 
     def _lost(self) -> None:
-        """The process died: out of memory, say. Whatever it held can be computed anew."""
+        """The process died, perhaps because memory ran out. Whatever it held can be computed again."""
         last = self._pending.last_words()
         self._pending.close()
         self._reset()
         if self._volume is None:
-            return  # It had been started ahead, and nothing is lost.
+            return  # It had been started before there was a volume, and nothing is lost.
         again = (
             "Free some space on the disk with the temporary files, then compute the features again."
             if last.startswith(NO_ROOM)

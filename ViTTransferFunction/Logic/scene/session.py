@@ -1,7 +1,7 @@
 """A volume of the scene being annotated and segmented: the one object that a front end talks to.
 
 What the user decides lies in the scene: parameters in a parameter node, classes in point lists. This object watches them, has
-maps computed in the compute process, and shows the results: overlay, contours, rendering, segments. It may be taken away at any
+maps computed in the compute process, and shows the results: overlay, contours, rendering, segments. It can be discarded at any
 time and made again from the scene. Nothing here waits: a front end calls `poll` about every 10 ms while `busy`.
 """
 
@@ -62,14 +62,14 @@ class SceneSession:
         python_executable: the Python that has PyTorch; the running one unless given.
         windows_3d: the vtkRenderWindows of the 3D views that are shown; those are drawn quickly while their look is changed.
         points_3d: the displayable managers of points of all 3D views; see `PointsIn3D`.
-        have_views_wait: called with the views that may wait, where drawing takes its time, so that an answer is seen sooner.
+        have_views_wait: called with which views need not be drawn until an answer is there; see `AwaitedAnswer`.
         may_compute: whether that Python has PyTorch; until then, nothing is computed, and `estimate_again` begins with it.
 
     Attributes:
         parameters: the module's settings; writing one takes effect at once.
         annotations: classes and points, and their undo and redo.
         selection: chooses the class that is annotated, also by what is done to the classes.
-        file_classes: gives classes to annotation files, and takes them from there.
+        file_classes: converts classes to what annotation files contain, and takes over classes from files.
         regions: adds the points of regions that the user encloses.
         close_ups: has classes looked at by themselves, or in the whole volume again.
         close_up_hints: says why a closer look may find a class better, or has begun unasked.
@@ -170,7 +170,7 @@ class SceneSession:
 
     @property
     def body_scale(self) -> float:
-        """By what lengths in the scene that are meant for bodies are multiplied, less than 1 where the volume is small."""
+        """Factor for lengths in the scene that suit human bodies; less than 1 if the volume is smaller."""
         return self._volume.body_scale
 
     @property
@@ -180,12 +180,12 @@ class SceneSession:
 
     @property
     def progress(self) -> WorkProgress | None:
-        """Of the running extraction or segmentation, of close-ups, or of the writing of segments."""
+        """Of the running extraction or segmentation, of close-ups, or of the writing of segments; None if none is running."""
         return self._proxy.progress or self.segments.progress
 
     @property
     def looks_closer(self) -> bool:
-        """Whether it is close-ups that `progress` is of."""
+        """Whether `progress` is that of close-ups."""
         return self._proxy.looks_closer
 
     @property
@@ -212,17 +212,17 @@ class SceneSession:
 
     @property
     def up_to_date(self) -> bool:
-        """Whether what is shown follows from the annotations as they are now."""
+        """Whether what is shown corresponds to the current annotations."""
         return self._proxy.up_to_date
 
     @property
     def selected_up_to_date(self) -> bool:
-        """Whether what is shown of the selected class does: a little before all else."""
+        """The same for the selected class alone, whose map comes a little earlier than the others."""
         return self._proxy.first_up_to_date
 
     @property
     def compute_pid(self) -> int | None:
-        """The number of the compute process; None where none runs."""
+        """The process id of the compute process; None if none runs."""
         return self._proxy.pid
 
     @property
@@ -236,27 +236,30 @@ class SceneSession:
 
     @property
     def errors(self) -> tuple[str, ...]:
-        """What went wrong and still stands in the way, whether it was taken or not."""
+        """Messages about problems that persist, whether `take_error` has returned them or not."""
         return self._problems.standing
 
     @property
     def volume_changed(self) -> bool:
-        """Whether the volume has got other voxels, which are taken up when it rests and nothing runs for those before."""
+        """Whether the volume's voxels have changed.
+
+        The new ones are used once they have stopped changing and nothing runs for the old ones.
+        """
         return self._volume.changed
 
     @property
     def frame(self) -> Frame | None:
-        """The frame of a sequence that phase, estimate and features are of; None where the volume is no sequence."""
+        """The frame of a sequence to which phase, estimate and features belong; None if the volume is no sequence."""
         return self._volume.content.frame if self._volume.content else None
 
     @property
     def points_beyond(self) -> dict[str, int]:
-        """How many points lie beyond the volume and do not count, by the id of their class; only classes that have some."""
+        """How many points of each class lie outside the volume and do not count, by class id; only classes that have some."""
         return self._maps.requests.points_beyond
 
     @property
     def points_without_intensity(self) -> dict[str, int]:
-        """How many points inside lie where the volume has no intensity, by the id of their class; of classes that have some."""
+        """How many points of each class lie where the volume has no intensity, by class id; only classes that have some."""
         return self._maps.requests.points_without_intensity
 
     def set_volume(self, node: slicer.vtkMRMLScalarVolumeNode | None) -> None:
@@ -302,7 +305,7 @@ class SceneSession:
         return class_map.iso if class_map else None
 
     def volume_ml(self, id_: str) -> float | None:
-        """How large a class's segment is in the scene by the maps of now, millilitres; None where it has no map yet."""
+        """The size that a class's segment has in the scene by the current maps, millilitres; None if it has no map yet."""
         local_ml, enlargement = self._proxy.volumes_ml.get(id_), self._volume.enlargement
         return None if local_ml is None or enlargement is None else enlargement * local_ml
 
@@ -311,14 +314,14 @@ class SceneSession:
         self._proxy.start()
 
     def estimate_again(self) -> None:
-        """Take the volume up anew, where something that it needs was refused or lost: it may be there by now."""
+        """Open the volume again, after something that it needs was refused or lost: it may be available now."""
         self._on_opened(self._volume.open_again())
 
     def remove_model(self) -> None:
         """Delete the weights of the model that the settings name from the cache.
 
         Raises:
-            InputError: they cannot be, or there are none.
+            InputError: they cannot be deleted, or there are none.
         """
         CacheContents(self.parameters).remove_model()
         if self.phase == "no features":
@@ -326,9 +329,9 @@ class SceneSession:
             self.estimate_again()
 
     def give_way_to_segments(self, give_way: bool) -> None:
-        """Leave the views to the segments while somebody corrects these, if there are some of ours; or show all again.
+        """Hide what is shown of structures while their segments, if they were written, are corrected; or show it again.
 
-        What is shown of a structure has its segment's colour and place: what is cut off there would seem to be there still.
+        It has the colour and the place of the segment: a part that is cut off the segment would seem to be there still.
         """
         give_way = give_way and self.segments.exist
         if give_way != self.views.give_way:
@@ -368,15 +371,15 @@ class SceneSession:
             self._on_opened(self._volume.open_again())
         points_told = self._look_at_points()
         came_to_rest = was_busy and not self.busy
-        # What there is to tell of the first map is told with all.
+        # Observers are told of the first map together with all maps.
         if events - {"first map"} or writing or segments_changed or points_told or came_to_rest:
             self._notices.tell()
 
     def tell_of_defect(self, error: Exception) -> bool:
-        """Tell the user of what nobody foresaw, as `poll` may raise it at each call: once until they go on.
+        """Tell the user of an unexpected error: once until they go on, because `poll` may raise it at each call.
 
         Returns:
-            Whether it was told now; then the front end lets the error be logged, too.
+            Whether it was told now; the front end then logs the error, too.
         """
         if self._problems.stands("defect"):
             return False
@@ -471,7 +474,7 @@ class SceneSession:
         self._on_parameters()
 
     def _on_opened(self, anew: bool) -> None:
-        """The volume was looked at; `anew`: and handed over."""
+        """The volume was checked; `anew`: and handed to the compute process again."""
         returned = False
         if anew:
             self._maps.forget()

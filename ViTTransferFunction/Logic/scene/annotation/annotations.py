@@ -1,4 +1,4 @@
-"""What the product's tools do to the classes and points of the volume that is chosen, each step of which can be undone."""
+"""What users do to the classes and points of the chosen volume with this module's tools, step by step for undo."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ from .watched_classes import WatchedClasses
 
 
 class SceneAnnotations(WatchedClasses):
-    """Edits classes; what users do to the same lists of points in views and other modules is known all the same."""
+    """Edits classes. The base class notices what users change in the same point lists elsewhere, in views or other modules."""
 
     _brought: Classes = ()
-    """As `bring_along` left them."""
+    """The classes as `bring_along` left them."""
 
     def add_class(self, name: str | None = None, color: Color | None = None) -> ClassState:
         """Add a class without points."""
@@ -51,27 +51,27 @@ class SceneAnnotations(WatchedClasses):
         return state
 
     def add_classes(self, states: Sequence[ClassState]) -> None:
-        """Add classes with all that they have, after the others, or bring those that are there to it; one step for undo."""
+        """Add classes after the others; those with an id that is there already replace that class. One step for undo."""
         self.set_classes(_put_among(states, self.classes))
 
     def set_classes(self, states: Sequence[ClassState]) -> None:
-        """Have these classes, with all that they have, and no others; one step for undo."""
+        """Replace all classes by these; one step for undo."""
         with self._edit():
             write_classes(self._scene, self._parameter_node, states)
 
     def bring_along(self, states: Sequence[ClassState]) -> None:
-        """Add classes for the same structures, which were made on another volume, without their points; one step for undo.
+        """Add the classes of other volumes without their points, to annotate the same structures here; one step for undo.
 
-        Of several of one name, as of several volumes that were removed, one is added.
+        Of several with the same name, the first is added.
         """
         by_name = {state.name: state for state in reversed(states)}
         self.add_classes([without_points(state) for state in states if state is by_name[state.name]])
         self._brought = self.classes
 
     def leave(self) -> Callable[[], None]:
-        """The volume is about to be left; returns what is to be called when another one is chosen.
+        """Prepare for another volume to be chosen; returns a function to call once it is.
 
-        That removes what `bring_along` brought, where the user did nothing about it: as if nobody had been there.
+        It removes the classes that `bring_along` added to this volume, unless users have changed any class since.
         """
         brought = class_nodes(self._parameter_node) if self._brought and self.classes == self._brought else []
         volume_id = self._histories.volume_id
@@ -86,9 +86,9 @@ class SceneAnnotations(WatchedClasses):
         return remove_brought
 
     def duplicate_class(self, id_: str) -> ClassState:
-        """Add a class with the same settings and points below a class.
+        """Add a copy of a class below it, with the same settings and points.
 
-        Where both have the same points, the voxels stay with the upper one.
+        As long as both have the same points, the upper one gets the voxels.
         """
         state = duplicate_class_state(self.classes, self._class(id_))
         ids = [present.id for present in self.classes]
@@ -125,7 +125,7 @@ class SceneAnnotations(WatchedClasses):
     def set_class(self, id_: str, **fields: Any) -> None:
         """Change fields of a class (see `ClassState`), or of its look (see `Appearance`).
 
-        The steps of a slider being dragged count as one for undo. A fixed iso value takes the place of the size.
+        All steps of a slider that is being dragged are one step for undo. While an iso value is fixed, the size is 0.
 
         Raises:
             InputError: the name is empty, cannot be written, or is another class's.
@@ -140,12 +140,12 @@ class SceneAnnotations(WatchedClasses):
             self._write(state)
 
     def set_close_up(self, id_: str, close_up: CloseUpBox | None) -> None:
-        """Have a class looked at in a box of the volume, or in the whole (None); see `ClassState`."""
+        """Set the box in which a class is looked at by itself; None: in the whole volume. See `ClassState`."""
         with self._edit():
             self._write(replace(self._class(id_), close_up=close_up))
 
     def move_close_ups(self, close_ups: Mapping[str, CloseUpBox]) -> None:
-        """Have boxes elsewhere, by class id, since a transform has moved what is in them: no step for undo, as that is none."""
+        """Move the boxes of classes, by class id, after a transform has moved what is in them. Neither is a step for undo."""
         with self._correct():
             for id_, close_up in close_ups.items():
                 self._write(replace(self._class(id_), close_up=close_up))
@@ -156,7 +156,7 @@ class SceneAnnotations(WatchedClasses):
             self._write(stepped(self._class(id_), direction))
 
     def turn_size(self, id_: str, notches: int) -> None:
-        """Make a class larger, or smaller, by notches of the wheel; those in a row count as one for undo."""
+        """Make a class larger, or smaller if negative, by notches of the wheel; several in a row are one step for undo."""
         with self._edit(kind=f"{id_} wheel"):
             self._write(turned(self._class(id_), notches))
 
@@ -170,16 +170,16 @@ class SceneAnnotations(WatchedClasses):
         return node if positive else negative_node(node)
 
     def add_points(self, id_: str, points_ras: np.ndarray, positive: bool, continued: bool = False) -> None:
-        """Add points (N, 3) to a class, RAS millimetres; `continued`: together with the ones before, one step for undo.
+        """Add points (N, 3) to a class, RAS millimetres; `continued`: as part of the previous step for undo.
 
-        A hidden class is shown again: whoever adds to it is to see what that does.
+        A hidden class is shown again, so that the effect of the points is seen.
         """
         field = "positive" if positive else "negative"
         with self._edit(f"{id_} {field}", continued):
             self._grow(id_, {field: points_ras})
 
     def add_points_of_both(self, id_: str, positive_ras: np.ndarray, negative_ras: np.ndarray) -> None:
-        """As `add_points`, positive ones (N, 3) and negative ones (M, 3), which together are one step for undo."""
+        """Add positive points (N, 3) and negative points (M, 3), RAS millimetres, as one step for undo; see `add_points`."""
         with self._edit():
             self._grow(id_, {"positive": positive_ras, "negative": negative_ras})
 
@@ -202,9 +202,9 @@ class SceneAnnotations(WatchedClasses):
                 self._write(replace(state, **{last: getattr(state, last)[:-1]}))
 
     def remove_points(self, id_: str) -> None:
-        """Remove all points of a class, and what they led to: size, iso value, a closer look; one step for undo.
+        """Remove all points of a class, and reset what was set because of them: size, iso value, close-up; one step for undo.
 
-        Its name, look and segment are as they were.
+        It keeps its name, look and segment, and is shown again if it was hidden.
         """
         with self._edit():
             self._write(begun_anew(self._class(id_)))
@@ -215,7 +215,7 @@ class SceneAnnotations(WatchedClasses):
         self._write(replace(state, visible=True, **grown))
 
     def _write(self, state: ClassState) -> None:
-        """Have the class with this id in this state; within an edit."""
+        """Bring the class with the id of `state` to that state in the scene; to be called within an edit."""
         write_class(self._scene, self._positive(state.id), state)
 
     def _class(self, id_: str) -> ClassState:
@@ -231,7 +231,7 @@ def _put_among(states: Sequence[ClassState], present: Classes) -> Classes:
 
 
 def _usable_name(name: str, taken: Collection[str]) -> str:
-    """A name that a user has typed, as the class gets it. Raises InputError where it cannot have it."""
+    """The name that a class gets if a user types this one. Raises InputError if it cannot be used."""
     name = name.strip()
     if not name:
         raise InputError("A structure needs a name; it keeps the one that it had.")
