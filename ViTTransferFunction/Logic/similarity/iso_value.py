@@ -1,7 +1,7 @@
 """The iso value of a map, chosen from the map and the image.
 
-A prior says how far a class should reach that was clicked n times, half of n / (n + κ): few points raise a map only around
-them. Negative points raise it where they lie well within what is too much. From that prior, the iso value is drawn to where
+A prior follows from the number n of a class's positive points, half of n / (n + κ): few points raise a map only around them.
+Negative points raise the prior where they lie well within what is too much. From the prior, the iso value is drawn to where
 the mean edge strength along the iso-surface is largest: the surface should run where the intensities have edges; and, the
 fewer the points, the more to where it encloses what a stable component around them does (`stable_components`). A refined map
 has been sharpened at these edges, so that its iso value is drawn as well to where the enclosed volume changes least (maximally
@@ -27,7 +27,7 @@ POINTS_TO_HALF = 1.5
 MOST_POINTS = 6
 """More points than these do not raise the prior: they are a brush's, or many parts', and maps do not rise as far."""
 ABOVE_NEGATIVES = 2.0
-"""How far above the map around a negative point the structure is taken to end."""
+"""The structure is taken to end where the map is this many times its lowest value around a negative point."""
 PRIOR_WEIGHT = 0.5
 """What a factor of e between iso value and prior costs, in units of the volume's mean edge strength."""
 SOFTNESS = 0.3
@@ -38,29 +38,32 @@ STABILITY_WIDTH = 0.1
 """The same of a refined map, whose levels lie closer at edges."""
 REFINED_EDGE_WEIGHT = 0.5
 REFINED_SOFTNESS = 0.1
-"""For refined maps, in the logarithm of how much the volume changes: what edge strength counts, and as `SOFTNESS`."""
+"""Of refined maps, whose gain is a logarithm of how much the volume changes: the weight of edge strength, and the softness."""
 STABILITY_FLOOR = 0.02
 """Volumes that change by less than this share, per unit of the map's logarithm, count as equally stable."""
 STABILITY_SAMPLES = 1_000_000
 """No more voxels of what is held of a refined map are looked at, spread evenly: more would only take longer."""
 VALUES_AT_ONCE = 2**17
-"""Of these, so many at once: a click does not have to wait for the others."""
+"""So many are counted between two calls of `between`: a click does not have to wait for the others."""
 LOWEST_LEVEL = 0.01
+"""Lower values of a map are not told apart, and no iso value is lower."""
 LEAST_AGREEMENT = 0.3
 """A map and a component that agree no better tell nothing."""
 COMPONENT_WEIGHT, REFINED_COMPONENT_WEIGHT = 8.0, 12.0
 """What full agreement counts beside the edges of a coarse map, and beside the stability of a refined one."""
 LARGEST_LOWERING = 0.3
-"""Of a map at its points by refinement, as far as the prior follows it."""
+"""Share of a map at its points that refinement leaves: if it leaves less, the prior follows only down to here."""
 SMALLER_SHARE_OF_POSITIVES = 0.95
+"""Of the value that most points reach, the most that the smaller structure's iso value may be: it is to hold these points."""
 LEAST_STEP = 1.05
-"""Of the smaller proposal over the chosen one, whatever else: a step must do something."""
+"""Least ratio between the iso values of the smaller structure and the chosen one: a step must do something."""
 ISO_WITHOUT_NEGATIVES = 0.5
 """Iso value as a share of the positives' similarity, where there is nothing to keep a distance from."""
 LARGEST_SHARE_OF_POSITIVES = 0.5
-"""Of the map at the points. Above that, the iso value followed a map that its points do not reach, such as that of a kidney
-clicked once in its middle and often outside, and little but the point was left."""
+"""Of the value that most points reach, the most that the iso value may be. Where a map is low even at its points, such as that
+of a kidney clicked once in its middle and often outside, little but the point was left above a higher one."""
 CANDIDATES = np.exp(np.linspace(np.log(0.02), np.log(0.7), 40))
+"""Iso values that are compared, at even steps of their logarithm."""
 _BINS = 200
 _LEVELS = np.exp(np.linspace(np.log(LOWEST_LEVEL), 0.0, _BINS))
 
@@ -74,16 +77,16 @@ def prior_iso(positive_count: int) -> float:
 def raised_prior(prior: float, around_negatives: np.ndarray, positive_count: int) -> float:
     """The prior of a class some of whose points are negative.
 
-    Who clicks on what is too much says that the structure ends earlier, of which the number of positive points knows nothing.
-    How much earlier, the map says that would be there without any negative point: at m negative points, of n positive ones, its
-    lowest values s around each of them, which are high where the surplus is wide, and low where it is a rim that the points
-    themselves take away:
+    A click on what is too much says that the structure ends earlier, which the number of positive points does not tell. How
+    much earlier is read from the map as it would be without any negative points: its lowest value s around a negative point is
+    high where the surplus is wide, and low where it is a rim, which the point itself takes away. With m negative points and n
+    positive ones:
 
         prior · min(exp(Σ max(ln(2 s / prior), 0) / max(m, n)), 1 + m / n).
 
     Args:
         prior: from `prior_iso`.
-        around_negatives: (M,) those lowest values, in [0, 1].
+        around_negatives: (m,) the lowest values s around the negative points, in [0, 1].
         positive_count: n, at least one.
     """
     count = len(around_negatives)
@@ -94,8 +97,8 @@ def raised_prior(prior: float, around_negatives: np.ndarray, positive_count: int
 def refined_prior(prior: float, coarse_at_positives: np.ndarray, at_positives: np.ndarray) -> float:
     """The prior of a refined map: half as far below that of S_L, on a logarithmic scale, as the map is at the points.
 
-    Refinement averages along with voxels alike, and so lowers the map of a structure most of which was far below its points:
-    what the image says of the structure's whole, which the number of points does not.
+    Refinement averages the map over voxels that look alike. Where most of a structure is far below its points in S_L, this
+    lowers the map at the points: it shows the values of the whole structure, which the number of points does not tell.
 
     Args:
         prior: of S_L.
@@ -138,8 +141,8 @@ class Components:
 def component_evidence(levels: Levels, components: Components) -> np.ndarray:
     """How well what each candidate encloses agrees with a stable component of the class, (candidates,), from 0 up.
 
-    It is the Dice of the two times the component's stability, of the best component, as far as that exceeds `LEAST_AGREEMENT`;
-    and the less, the more points there are to tell more.
+    For the best component, it is the Dice of the two times the component's stability, as far as that exceeds `LEAST_AGREEMENT`,
+    over the square root of the number of positive points: the more there are, the more they tell themselves.
 
     Args:
         levels: of the map, at cells spread evenly over the volume.
@@ -289,7 +292,7 @@ def _log_instability(voxels: Iterable[tuple[np.ndarray, float]], between: Betwee
 
 
 def _near_prior(gain: np.ndarray, softness: float, at_positives: np.ndarray) -> float:
-    """The mean of the candidates, weighted by their gain, below the map's value at most positive points."""
+    """The mean of the candidates, weighted by their gain; at most `LARGEST_SHARE_OF_POSITIVES` allows."""
     weights = np.exp((gain - gain.max()) / softness)
     best = float(np.exp((weights * np.log(CANDIDATES)).sum() / weights.sum()))
     return min(best, max(LARGEST_SHARE_OF_POSITIVES * _reached_by_most(at_positives), LOWEST_LEVEL))

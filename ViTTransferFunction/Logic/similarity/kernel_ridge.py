@@ -58,10 +58,10 @@ from .similarity_map import SimilarityMap
 BACKGROUND_CELLS = 100
 BACKGROUND_ROUNDS = 3
 BACKGROUND_LIMIT = 0.12
-"""After each round, random cells where a class exceeds this are taken to lie inside it, and dropped."""
+"""Random cells where a class exceeds this are taken to lie inside it, and dropped, in at most so many rounds."""
 AROUND_CELLS = 2 / 3
-"""How far around a negative point all has to be too much, in cells, for it to say something of the whole structure: in its own
-cell and those beside it, of which a point at the border of two looks at the one that it is nearer to."""
+"""A negative point says something of the whole structure only where the map is high in its own cell and at this distance from
+it, in cells, along each axis. It is less than a cell: close to the border of two cells, only the nearer neighbour counts."""
 
 
 class KernelRidge:
@@ -174,7 +174,7 @@ class KernelRidge:
         return _Points(annotated, places, keys, before, _row_keys(keys, before, annotated.positive))
 
     def _written_rows(self, points: _Points, finish_joining: Finish, between: Between) -> np.ndarray:
-        """Which kernel rows those of the points are, (P, 2); of new points, they are written now."""
+        """Indices of the points' kernel rows, (P, 2); those of new points are computed now."""
         self._reach.keep(points.row_keys)
 
         def write(index: int, row: np.ndarray) -> np.ndarray:
@@ -196,13 +196,17 @@ class KernelRidge:
     def _weights(
         self, points: _Points, joined: np.ndarray, share: np.ndarray, between: Between
     ) -> tuple[np.ndarray, np.ndarray]:
-        """α of points and background, (P + B, classes), 0 where a class does not see one; and those without negative points.
+        """Solve for α.
 
         Args:
             points: all annotated ones.
             joined: C of each pair, (P, P).
             share: b of each, (P,).
             between: called between steps; may raise `Cancelled`.
+
+        Returns:
+            α of points and background, (P + B, classes), 0 where a class does not see one; and the same without any negative
+            points, with the background cells that were left.
         """
         annotated, places = points.annotated, points.places
         targets, reach = annotated.targets, self._reach.of(points.row_keys)
