@@ -18,7 +18,7 @@ from ..Logic.core.system.private_folder import private_folder
 from ..Logic.core.volumes.intensity_window import IntensityWindow
 from ..Logic.core.volumes.volume import Volume
 from ..Logic.scene.annotation_tool import AnnotationTool
-from ..Logic.scene.classes.class_state import ClassState
+from ..Logic.scene.classes.class_state import Classes
 from ..Logic.scene.interface.choices import choices, make_possible
 from ..Logic.scene.interface.messages import Messages
 from ..Logic.scene.session import SceneSession
@@ -47,13 +47,13 @@ from .window_drag import WindowDrag, is_on_markup
 POLL_S = 0.010
 """How often the session is asked for news while something runs."""
 CLICK_POLL_S = 0.005
-"""And while the answer to a click is under way."""
+"""The same while the answer to a click is under way."""
+IDLE_POLL_S = 0.5
+"""The same while nothing runs: soon enough to tell that the compute process was lost."""
 PICTURE_S = 0.05
 """How long the picture of an answer has the processor to itself: contours, which follow, would delay it."""
-IDLE_POLL_S = 0.5
-"""And while nothing does: soon enough to tell that the compute process was lost."""
 UNEXPECTED = "Something unexpected went wrong beside what the page waits for"
-"""What the console says of it, before the traceback."""
+"""What the console says before the traceback of an unexpected error."""
 BRUSH_MM = 6.0
 OF_THIS_COMPUTER = ("device", "weightsPath")
 """Parameters that a session from elsewhere does not decide."""
@@ -61,8 +61,8 @@ OF_ALL_VOLUMES = (*OF_THIS_COMPUTER, "preset", "model", "grid", "refinement", "o
 """Parameters that stay when another volume is opened."""
 
 
-Work = tuple[tuple[ClassState, ...], str]
-"""Structures, and what the segments were made from that were written of them."""
+Work = tuple[Classes, str]
+"""Structures, and what their segments, if written, were made from."""
 NO_WORK: Work = ((), "")
 
 
@@ -83,7 +83,7 @@ class WebApp:
         opening: volumes, sessions and points from files.
         unsaved_points: what is kept of the structures until they are saved.
         actions: what the page can ask for.
-        requests: how it does.
+        requests: answers the page's requests, each once and in order.
     """
 
     def __init__(self, settings: dict[str, Any] | None = None) -> None:
@@ -207,12 +207,12 @@ class WebApp:
             self.session.segments.write(corrections)
 
     def update_and_download(self) -> None:
-        """Have the segments written as the structures are now and then fetched by the page, unless nothing comes of it."""
+        """Write the segments as the structures are now, and have the page download them once they are written."""
         self._downloads_when_written = True
         self.write_segments("ask")
 
     def refresh(self) -> None:
-        """Bring the page to what the session is now."""
+        """Bring the page up to date with the session."""
         self._stale = False
         self.tool.session = self.session
         self._fit_brush()
@@ -238,7 +238,7 @@ class WebApp:
         self.views.settle()
 
     def _is_written_for_download(self) -> bool:
-        """Whether the segments are there now that were to be downloaded as soon as they are."""
+        """Whether the segments that `update_and_download` asked for are written now."""
         awaited, written = self._downloads_when_written, self.session.segments.take_written()
         self._downloads_when_written = awaited and not written and bool(self.session.progress or self.server.state.corrected)
         return awaited and written and self.session.segments.exist
@@ -252,18 +252,18 @@ class WebApp:
         return self.session.classes, self.session.segments.source
 
     def mark_saved(self, work: Work) -> None:
-        """This was saved: as long as it is what there is, the page may be closed without a question."""
+        """Note that this work was saved: until it changes, the page may be closed without a question."""
         self._saved = work
         self.unsaved_points.mark_saved(work[0])
         self.refresh()
 
     def show_saving(self, name: str, share: float | None) -> None:
-        """Have the page show how far a file of this name is that is being made for it; None: it is ready, or there is none."""
+        """Have the page show how much of a file to download is made, 0 to 1; None: all of it, or it is given up."""
         with self.server.state as state:
             state.saving = None if share is None else {"name": name, "percent": int(100 * share)}
 
     def begin(self, work: Coroutine[Any, Any, None]) -> None:
-        """Have work done beside everything else, until it or the app ends."""
+        """Run work in the background, until it or the app ends."""
         task = asyncio.create_task(self._beside_all_else(work))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -293,7 +293,7 @@ class WebApp:
             self._show_volume(volume)
 
     def replace_by_volume(self, volume: Volume, warnings: list[str]) -> None:
-        """Replace what is open by a volume without structures; users are told what is to be warned of."""
+        """Replace what is open by a volume without structures, and show the warnings."""
         self._close_scene()
         node = add_volume(self.scene, volume)
         self._take_session()
@@ -322,7 +322,7 @@ class WebApp:
                 await asyncio.sleep(0)  # The loop's other work first: pictures, say.
 
     def _answer(self, *request: Any) -> Any:
-        """What the page gets for a request; what that raises is told, and printed by the server, which answers the page."""
+        """Answer a request of the page. Errors are told there, and raised to the server, which prints them and answers."""
         try:
             return self.requests(*request)
         except Exception as error:
@@ -330,14 +330,14 @@ class WebApp:
             raise
 
     async def _beside_all_else(self, work: Coroutine[Any, Any, None]) -> None:
-        """Do work to its end; what it raises is told and printed: nobody waits for it."""
+        """Do work to its end. Errors are told and printed, since nobody waits for the work."""
         try:
             await work
         except Exception as error:
             self._tell_of_defect(self.session, error)
 
     def _go_on_after(self, step: Callable[[], None]) -> None:
-        """Do a step; what it raises is told and printed: the app goes on, with the user's work."""
+        """Do a step. Errors are told and printed, and the app goes on, with the user's work."""
         session = self.session
         try:
             step()
@@ -345,7 +345,7 @@ class WebApp:
             self._tell_of_defect(session, error)
 
     def _tell_of_defect(self, session: SceneSession, error: Exception) -> None:
-        """Tell what was raised, and print its traceback, once until the user goes on: a step may raise the same each time."""
+        """Tell of an error and print its traceback, once until the user goes on: a step may raise the same one each time."""
         if session.tell_of_defect(error):
             asyncio.get_running_loop().call_exception_handler({"message": UNEXPECTED, "exception": error})
 
@@ -359,7 +359,7 @@ class WebApp:
         self._news.set()
 
     def _new_session(self, saved: bool = False) -> SceneSession:
-        """A session on the scene; `saved`: the scene comes with its own, of which only what is this computer's is replaced."""
+        """A session on the scene; `saved`: the scene has parameters, of which only `OF_THIS_COMPUTER` are replaced."""
         session = SceneSession(
             self.scene,
             self._slicer.app_logic,
@@ -429,7 +429,7 @@ class WebApp:
         return WindowDrag(interactor, lambda: self.session.parameters.volume, is_free, show)
 
     def _delays_3d(self) -> bool:
-        """Whether what is under way comes before the 3D view: not while somebody changes how that looks."""
+        """Whether drawing the 3D view waits for what is under way: not while the user changes its look."""
         return self.session.busy and not self.session.views.drawing_quickly
 
     def _fit_brush(self) -> None:
@@ -447,7 +447,7 @@ class WebApp:
 
 
 def _keep_temporary_files_in_private_folder(app: SlicerApp) -> None:
-    """Of an app that is killed, nothing tidies up the folder that trame-slicer has for them."""
+    """Use a folder that is removed later even if the app is killed; the one that trame-slicer makes would stay."""
     manager = app.io_manager
     manager.cache_dir.cleanup()
     manager.cache_dir = private_folder()
