@@ -39,15 +39,15 @@ from ..segments.written_segments import finish_segments_elsewhere
 
 
 class WatchedClasses:
-    """The classes of the volume that is chosen; while none is, those that belong to none.
+    """The classes of the chosen volume; while none is chosen, those that belong to no volume.
 
     Args:
         scene: the scene.
         parameter_node: refers to the volume, and to the classes of all volumes.
         on_change: called after any class or point has changed.
-        settle: says where a point that the user has just placed, (3,) RAS millimetres, is to lie: itself, or elsewhere.
-        on_displayed: called with a list of points that is new, or displayed otherwise.
-        drawn_together: in which many nodes are changed; see the function of that name.
+        settle: says where a point that the user has just placed, (3,) RAS millimetres, is to lie; the same array: there.
+        on_displayed: called with a list of points that is new, or whose display has changed.
+        drawn_together: the context in which many nodes are changed; see the function of that name.
 
     Attributes:
         classes: as they are now, in order.
@@ -87,12 +87,12 @@ class WatchedClasses:
 
     @property
     def editing(self) -> bool:
-        """Whether nodes are being changed by this object, which tells of it when it is done."""
+        """Whether this object is just changing nodes; it calls `on_change` once that is done."""
         return bool(self._paused)
 
     @property
     def untouched(self) -> bool:
-        """Whether there is no class, and nothing was done since the scene was opened that left none."""
+        """Whether there is no class, and nothing to undo or redo."""
         return not (self.classes or self.can_undo or self.can_redo)
 
     def undo(self) -> None:
@@ -104,15 +104,15 @@ class WatchedClasses:
         self._restore(self._history.redo())
 
     def restart(self) -> None:
-        """Begin anew with what is in the scene: it is another one, and what was done in the one before cannot be undone."""
+        """Begin again with the classes of another scene; what was done in the one before cannot be undone."""
         self._lists.forget()
         self.refresh()
         self._histories.restart(self.classes)
 
     def refresh(self) -> None:
-        """Read the classes anew, and watch the lists that are there now; where another volume is chosen, it is others.
+        """Read the classes of the volume that is chosen now, and watch their lists.
 
-        Where a transform has moved them, what was done before cannot be undone.
+        If a transform has moved the lists, what was done before cannot be undone.
         """
         self._give_to_volume()
         positive = class_nodes(self._parameter_node)
@@ -128,13 +128,14 @@ class WatchedClasses:
                 let_negative_follow(node)
             self._lists.show_only(lists)
         if self._lists.have_moved(lists):
-            # Undo knows places in the scene: where a transform has moved lists, with the volume say, it would lead beside it.
+            # Undo would put points back where they were in the scene, which is beside a volume that has moved along with them.
             self._histories.begin_anew(self.classes)
 
     def refresh_and_record(self) -> None:
-        """As `refresh`, where something happened to the lists themselves; it can be undone.
+        """Refresh after something has happened to the lists themselves, as a step for undo.
 
-        Not that classes are without a volume now which is gone: undo would take them away, and not bring that back.
+        It is no such step that a volume was removed and left its classes without one: undo would remove the classes, and not
+        bring the volume back.
         """
         if self._paused:
             return
@@ -162,7 +163,7 @@ class WatchedClasses:
 
     @property
     def _listens(self) -> bool:
-        """Whether what happens to a list counts by itself; where many nodes are changed at once, that comes later."""
+        """Whether to react to a change of a single list; where many nodes are changed at once, that comes later."""
         return not (self._paused or self._scene.IsBatchProcessing())
 
     def _on_placed(self, points: slicer.vtkMRMLMarkupsFiducialNode) -> None:
@@ -187,13 +188,13 @@ class WatchedClasses:
                     write_class(self._scene, positive, replace(state, visible=True))
 
     def _on_step(self, points: slicer.vtkMRMLMarkupsFiducialNode) -> None:
-        """What passes before and after belongs to other steps."""
+        """A step of its own for undo: what changes little by little before and after it is not joined to it."""
         if self._listens:
             self._changed(None)
             self._history.seal()
 
     def _on_passing(self, points: slicer.vtkMRMLMarkupsFiducialNode) -> None:
-        """Maps follow, but undo goes back to where it began."""
+        """Maps follow each of many small changes, but undo goes back to before the first."""
         if self._listens:
             self._changed("passing")
 
