@@ -253,7 +253,7 @@ def iso_between_points(at_positives: np.ndarray, at_negatives: np.ndarray) -> fl
 
     Args:
         at_positives: (N, …) the class's map at its own positive points, N ≥ 1.
-        at_negatives: (M,) the same map at its negative points and at all other classes' positive points, M ≥ 0.
+        at_negatives: (M,) the same map at the points that speak against the class (`points_against`), M ≥ 0.
 
     Returns:
         The middle between the means of the two groups, or half of the positives' mean where there are no negatives; never so
