@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -14,16 +15,18 @@ from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes.geometry import SMALL_SCAN_MM, Geometry, transform_points
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
-from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_hanging_point, put_under
+from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_hanging_point, add_parameter_node, put_under
 
 SQUARE = np.array([[0.0, 5.0, 0.0], [40.0, 5.0, 0.0], [40.0, 5.0, 40.0], [0.0, 5.0, 40.0]])
 
 
 @pytest.fixture
-def session(session_without_volume: SceneSession) -> SceneSession:
-    """A session with one class and without a volume."""
-    session_without_volume.annotations.add_class("liver")
-    return session_without_volume
+def session(slicer_app: Any) -> Iterator[SceneSession]:
+    """A session with one class and without a volume, which starts no compute process."""
+    session = SceneSession(slicer_app.scene, slicer_app.app_logic, add_parameter_node(slicer_app.scene))
+    session.annotations.add_class("liver")
+    yield session
+    session.close()
 
 
 def points_of(session: SceneSession, positive: bool = True) -> np.ndarray:

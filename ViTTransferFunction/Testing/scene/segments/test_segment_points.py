@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -17,16 +18,18 @@ from ViTTransferFunction.Logic.scene.segments.outside_points import outside_poin
 from ViTTransferFunction.Logic.scene.segments.segment_points import SegmentPoints
 from ViTTransferFunction.Logic.scene.segments.segment_tags import CORRECTED_TAG, set_tag
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_segment, bend, put_under
+from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_parameter_node, add_segment, bend, put_under
 from ViTTransferFunction.Testing.support.segments import LABELMAP, SHAPE, block, output, positions_of, rounded, write_segments
 
 
 @pytest.fixture
-def session(session_without_volume: SceneSession, a_segmentation: Any) -> SceneSession:
+def session(slicer_app: Any, a_segmentation: Any) -> Iterator[SceneSession]:
     """A session without a volume, into whose segmentation a colleague wrote."""
     a_segmentation.CreateDefaultDisplayNodes()
-    session_without_volume.set_segmentation(a_segmentation)
-    return session_without_volume
+    session = SceneSession(slicer_app.scene, slicer_app.app_logic, add_parameter_node(slicer_app.scene))
+    session.set_segmentation(a_segmentation)
+    yield session
+    session.close()
 
 
 def known(segmentation: Any, *segment_ids: str) -> SegmentPoints:
