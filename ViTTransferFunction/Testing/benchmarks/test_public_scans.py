@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from scipy.io import savemat
 from Benchmarks.own_scans.own_scan import OwnScan
 from Benchmarks.public_scans import run
 from Benchmarks.public_scans.contours import lidc_nodules, rtstruct_mask
-from Benchmarks.public_scans.readers import Masks, drawn_in_slices, level_set, matlab, numbered, segmented
+from Benchmarks.public_scans.readers import drawn_in_slices, level_set, matlab, numbered, segmented
 from Benchmarks.public_scans.scans import PublicScan
 from ViTTransferFunction.Logic.core.volumes.geometry import LPS_TO_RAS, Geometry
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
@@ -137,11 +138,7 @@ def test_what_is_written_is_what_own_scans_reads_and_what_is_missing_is_left_out
     image = sitk.GetImageFromArray(np.random.default_rng(0).normal(size=labels.shape).astype(np.float32))
     sitk.WriteImage(image, str(tmp_path / "scan.mha"))
     sitk.WriteImage(sitk.GetImageFromArray(labels), str(tmp_path / "labels.mha"))
-    structures = {"both": (1, 3), "bright": (3,)}
-
-    def read(scan: Path, truth: Path) -> tuple[Volume, Masks]:
-        return numbered(scan, truth, structures=structures)
-
+    read = partial(numbered, structures={"both": (1, 3), "bright": (3,)})
     there = PublicScan("head", ("scan.mha", "labels.mha"), read)
     gone = PublicScan("gone", ("scan.mha", "elsewhere.mha"), read)
     monkeypatch.setattr(run, "SCANS", {"few": (there, gone)})

@@ -119,7 +119,7 @@ def restored_states(
     is_made_of_them = _have_something_in_common([_class_state(each, to_world) for each in annotated], opened)
     # Files have no classes without points.
     replaced = [state for state in opened if state in existing and (state.positive or state.name in names)]
-    former = {state.name: state for state in replaced if is_made_of_them}
+    former = {state.name: state for state in replaced} if is_made_of_them else {}
     staying = [state for state in existing if state not in former.values()]
     states = class_states(annotated, staying, volume_node, geometry)
     return [*staying, *(_in_place_of(former[state.name], state) if state.name in former else state for state in states)]
