@@ -100,6 +100,6 @@ def _marks(points_ras: np.ndarray, inside: bool, box: Box, volume: Volume, voxel
     radius_k, radius_j, radius_i = (MARKED_CELLS * edge for edge in cell_voxels(voxels.shape, voxels.coarse.shape))
     # A point on a face of the volume, or rounded to a little beyond, lies in the voxel before it.
     faces = np.array(volume.shape) - 0.5
-    in_volume = np.clip(volume.geometry.ras_to_ijk(points_ras)[:, ::-1], -0.5, np.nextafter(faces, 0.0))
+    in_volume = np.clip(volume.geometry.off_borders(points_ras), -0.5, np.nextafter(faces, 0.0))
     centres = in_volume - [extent.start for extent in box]
     return [Mark((k, j, i), (radius_k, radius_j, radius_i), inside) for k, j, i in centres.tolist()]

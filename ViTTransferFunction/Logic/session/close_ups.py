@@ -194,8 +194,7 @@ def largest_within(part: ClassMap, cells: Geometry) -> np.ndarray:
     smaller ones, they have the value at their centre.
     """
     largest = np.zeros(cells.shape, dtype=np.float32)
-    within = np.floor(cells.ras_to_ijk(part.geometry.voxel_centres_ras())[:, ::-1] + 0.5).astype(int)
-    np.maximum.at(largest, tuple(np.clip(within, 0, np.array(cells.shape) - 1).T), part.array.ravel())
+    np.maximum.at(largest, tuple(cells.nearest_voxels(part.geometry.voxel_centres_ras()).T), part.array.ravel())
     corners = part.geometry.ijk_to_ras_points(np.array([np.zeros(3), part.geometry.shape[::-1]]) - 0.5)
     first, last = np.sort(cells.ras_to_ijk(corners)[:, ::-1] + 0.5, axis=0)
     k, j, i = (

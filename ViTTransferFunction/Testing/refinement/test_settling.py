@@ -11,11 +11,12 @@ from scipy import ndimage
 
 from ViTTransferFunction.Logic.core.volumes.bounding_box import whole_box
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.volumes.orientation import AS_STORED, Orientation
 from ViTTransferFunction.Logic.core.volumes.voxel_map import VoxelMap
 from ViTTransferFunction.Logic.refinement.refinement import refine
 from ViTTransferFunction.Logic.refinement.settling import settle
 from ViTTransferFunction.Testing.support.masks import dice
-from ViTTransferFunction.Testing.support.volumes import volume_of
+from ViTTransferFunction.Testing.support.volumes import stored_as, volume_of
 
 WINDOW = IntensityWindow(0.0, 200.0)
 EDGE = 40
@@ -93,6 +94,19 @@ def test_points_on_the_faces_of_the_volume_lie_on_their_own_side() -> None:
         inside = settle(voxels, volume_of(scan[cut]), WINDOW, positive, negative, ISO).held >= ISO
         assert not inside[layer, 1, 1]
         assert inside[layer, 14, 14]
+
+
+@pytest.mark.parametrize("stored", [AS_STORED, Orientation((2, 0, 1), (True, False, True))])
+def test_a_point_between_voxels_lies_in_the_same_one_however_the_scan_is_stored(stored: Orientation) -> None:
+    scan, _, array = scan_and_map()
+    volume, between = stored_as(volume_of(scan), stored), np.array([[19.5, 33.5, 20.5]])
+    voxels = VoxelMap.whole(np.ascontiguousarray(stored.to_canonical(array)))
+    settled = settle(voxels, volume, WINDOW, np.vstack([CENTRE, between]), NO_POINTS, ISO).held
+    inside = np.argwhere(settled >= ISO)
+    places = volume.geometry.ijk_to_ras_points(inside[:, ::-1])
+    near = np.linalg.norm(places - between, axis=1) < 2.5
+    np.testing.assert_array_equal(places[near], [[20.0, 34.0, 21.0]])
+    np.testing.assert_array_equal(inside[near], volume.geometry.nearest_voxels(between))
 
 
 @pytest.mark.parametrize("iso", [0.001, 0.9, 1.0])

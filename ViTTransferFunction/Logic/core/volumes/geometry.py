@@ -20,6 +20,9 @@ SMALL_SCAN_MM = 64.0
 """Where the longest edge of a scan is shorter, lengths that are meant for bodies are so, too, in proportion: they would be a
 large part of what is imaged by a microscope. Parts of bodies, such as a breast of 80 mm, are to keep them."""
 
+OFF_BORDERS = 1e-3
+"""By how much of a voxel, or of a part of one, points are moved off borders: more than they change by being saved and read."""
+
 Box = tuple[slice, slice, slice]
 """A part of a grid: ranges of k, j and i, each with a start and an end."""
 
@@ -98,9 +101,30 @@ class Geometry:
             points_ras: any, also beyond the grid.
             parts: that each voxel is cut into along each axis; more than 1 gives indices of these instead.
         """
-        places = np.floor((self.ras_to_ijk(points_ras)[:, ::-1] + 0.5) * parts).astype(int)
+        places = np.floor((self.off_borders(points_ras, parts) + 0.5) * parts).astype(int)
         nearest: np.ndarray = np.clip(places, 0, parts * np.array(self.shape) - 1)
         return nearest
+
+    def off_borders(self, points_ras: np.ndarray, parts: int = 1) -> np.ndarray:
+        """Continuous voxel coordinates (N, 3) along (K, J, I) of world points (N, 3), each moved slightly off voxel borders.
+
+        Where the number of slices is odd, the middle one, which viewers show first, may run along a border of cells. Which cell
+        a click there belongs to must not depend on rounding errors, nor on the order in which the scan is stored: it is the
+        one to the right, anterior or superior.
+
+        Args:
+            points_ras: any, also beyond the grid.
+            parts: that each voxel is cut into along each axis: points are moved off these parts' borders, and by less.
+        """
+        moved: np.ndarray = self.ras_to_ijk(points_ras)[:, ::-1] + OFF_BORDERS / parts * self._towards_ras[::-1]
+        return moved
+
+    @property
+    def _towards_ras(self) -> np.ndarray:
+        """For each of the axes (I, J, K): 1 if it runs to the right, anterior or superior, mostly; otherwise −1."""
+        axes = self.ijk_to_ras[:3, :3]
+        signs: np.ndarray = np.sign(np.take_along_axis(axes, np.abs(axes).argmax(axis=0)[None], axis=0)[0])
+        return signs
 
     def resized(self, shape: tuple[int, int, int]) -> Geometry:
         """The grid of `shape` (K, J, I) that fills the same box: cell borders coincide at the box's faces."""
