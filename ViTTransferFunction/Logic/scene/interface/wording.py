@@ -144,6 +144,14 @@ def taken_text(names: Sequence[str]) -> str:
     ).format(names=_listing(names))
 
 
+def mostly_taken_text(names: Sequence[str]) -> str:
+    """Of structures that other segments have more than half of."""
+    return _(
+        "The segment of {names} lacks most of its voxels: they belong to other segments. To have it overlap them, switch "
+        '"Do not overlap other segments" off and create the segments again.'
+    ).format(names=_listing(names))
+
+
 def segmentation_removed_text(name: str) -> str:
     """That segments were not written, since the segmentation that was to get them is gone."""
     return _(

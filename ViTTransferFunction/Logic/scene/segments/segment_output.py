@@ -13,7 +13,7 @@ from ...core.system.progress import WorkProgress
 from ...core.volumes.stepped_work import SteppedWork, Steps
 from ..classes.class_state import ClassState
 from ..interface.parameters import REFERENCES, SceneParameters
-from ..interface.wording import empty_text, segmentation_removed_text, taken_text
+from ..interface.wording import empty_text, mostly_taken_text, segmentation_removed_text, taken_text
 from ..mrml.nodes import name_for_scene
 from ..volumes.volume_content import frame_of
 from .corrections import Corrections, corrected_segments
@@ -37,7 +37,7 @@ class SegmentOutput:
         app_logic: the application's logic.
         parameters: say which volume and segmentation, and whether other segments are respected.
         classes: tells the classes as they are.
-        report: gets what the user should know of the segments that were written: which of them are empty, and why.
+        report: gets what the user should know of the segments that were written: which of them are empty, or nearly, and why.
     """
 
     def __init__(
@@ -132,10 +132,10 @@ class SegmentOutput:
         def on_prepared() -> None:
             looks = {state.id: ClassLook(state.name, state.color) for state in self._classes()}
             if wanted.label_of_class.keys() <= looks.keys() and not gone & self._annotated():
-                empty = preparation.write(lambda: self._new_segmentation(volume), looks, self._codes, source)
+                written = preparation.write(lambda: self._new_segmentation(volume), looks, self._codes, source)
                 self._written = True
-                if about_empty := " ".join(_about_empty(empty, wanted, looks)):
-                    self._report(about_empty)
+                if about_missing := " ".join(_about_missing_voxels(written, looks)):
+                    self._report(about_missing)
             else:  # A class was removed meanwhile, or came back.
                 self.write(node, labels, class_ids, corrections, source)
 
@@ -186,15 +186,12 @@ class SegmentOutput:
         return node
 
 
-def _about_empty(class_ids: Sequence[str], labels: ClassLabels, looks: Mapping[str, ClassLook]) -> Iterator[str]:
-    """What to tell the user of classes whose segments have no voxel."""
-    lost = {id_: bool((labels.array == labels.label_of_class[id_]).any()) for id_ in class_ids}
-    for names, text in (
-        ([looks[id_].name for id_ in class_ids if not lost[id_]], empty_text),
-        ([looks[id_].name for id_ in class_ids if lost[id_]], taken_text),
-    ):
-        if names:
-            yield text(names)
+def _about_missing_voxels(written: PreparedSegments, looks: Mapping[str, ClassLook]) -> Iterator[str]:
+    """What to tell the user of classes whose segments have no voxel, or few of theirs."""
+    empty, taken = set(written.empty), set(written.mostly_taken)
+    for ids, text in ((empty - taken, empty_text), (empty & taken, taken_text), (taken - empty, mostly_taken_text)):
+        if ids:
+            yield text([looks[id_].name for id_ in written.labels if id_ in ids])
 
 
 class _Work(Protocol):
@@ -263,12 +260,12 @@ class _Preparation:
 
     def write(
         self, new_segmentation: Callable[[], Any], looks: Mapping[str, ClassLook], codes: StandardCodes, source: str
-    ) -> list[str]:
-        """Write what is ready, at once, into a new segmentation where none was given; returns whose segments have no voxel."""
+    ) -> PreparedSegments:
+        """Write what is ready, at once, into a new segmentation where none was given; returns what was written."""
         prepared: PreparedSegments | None = self._preparation.result
         assert prepared is not None
         write_prepared(prepared, self._segmentation_node or new_segmentation(), self._volume_node, looks, codes, source)
-        return prepared.empty
+        return prepared
 
     @property
     def progress(self) -> WorkProgress:

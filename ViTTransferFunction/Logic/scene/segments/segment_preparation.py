@@ -62,6 +62,7 @@ class PreparedSegments:
         kept: IDs of corrected segments that stay as they are, by class id.
         removed: IDs of segments whose classes are gone.
         freed: for other segments, by their ID, their labelmap without the segments that it shared with them.
+        mostly_taken: ids of the classes of which other segments have more than half of the voxels.
     """
 
     image: Any
@@ -71,6 +72,7 @@ class PreparedSegments:
     kept: dict[str, str]
     removed: list[str]
     freed: dict[str, Any]
+    mostly_taken: list[str]
 
     @property
     def empty(self) -> list[str]:
@@ -114,11 +116,12 @@ def prepare_segments(
     obstacles = _obstacles(segmentation, others, labels, continued, kept) if respect_others else []
     labelmap = Labelmap(new_image(grid, labels.box, labels.array.dtype), {})
     digests = dict.fromkeys(labels.label_of_class.values(), VoxelDigest.of_nothing())
+    mostly_taken: list[str] = []
     if labels.array.size:
-        yield from _fill(labelmap.voxels, labels, grid, obstacles)
+        mostly_taken = yield from _fill(labelmap.voxels, labels, grid, obstacles)
         digests = yield from voxel_digests(labelmap.voxels, labelmap.geometry, digests)
     freed = yield from _freed_labelmaps(segmentation, others, ours)
-    return PreparedSegments(labelmap.image, labels.label_of_class, digests, ids, kept, removed, freed)
+    return PreparedSegments(labelmap.image, labels.label_of_class, digests, ids, kept, removed, freed, mostly_taken)
 
 
 def segmentation_state(segmentation_node: Any | None, volume_node: Any) -> tuple[Any, ...]:
@@ -179,16 +182,18 @@ def _obstacles(
     return obstacles
 
 
-def _fill(target: np.ndarray, labels: ClassLabels, grid: Geometry, obstacles: Sequence[_Obstacle]) -> Steps[None]:
-    """Copy labels to where nothing is in the way, whatever grids the obstacles are on."""
+def _fill(target: np.ndarray, labels: ClassLabels, grid: Geometry, obstacles: Sequence[_Obstacle]) -> Steps[list[str]]:
+    """Copy labels to where nothing is in the way, whatever grids the obstacles are on; returns whose are mostly left out."""
     k, j, i = (slice(0, size) for size in labels.array.shape)
     part_of_grid = grid.part(labels.box)
     left_out = [label for label, class_id in enumerate(labels.class_ids, start=1) if class_id is None]
+    wanted, left = (np.zeros(len(labels.class_ids) + 1, dtype=np.int64) for _ in range(2))
     for slab in slabs((k, j, i), FILL_VOXELS):
         part = target[slab]
         np.copyto(part, labels.array[slab])
         part[np.isin(part, left_out)] = 0
-        if part.any():
+        if obstacles and part.any():
+            wanted += np.bincount(part.ravel(), minlength=wanted.size)
             for obstacle in obstacles:
                 there = resample_labels(obstacle.voxels, obstacle.geometry, part_of_grid.part(slab))
                 for own_labels, taken in obstacle.taken.items():
@@ -196,7 +201,9 @@ def _fill(target: np.ndarray, labels: ClassLabels, grid: Geometry, obstacles: Se
                     if own_labels:
                         in_the_way &= ~np.isin(part, own_labels)
                     part[in_the_way] = 0
+            left += np.bincount(part.ravel(), minlength=left.size)
         yield part.size
+    return [class_id for class_id, label in labels.label_of_class.items() if 2 * left[label] < wanted[label]]
 
 
 def _freed_labelmaps(segmentation: Any, others: Collection[str], ours: Collection[str]) -> Steps[dict[str, Any]]:

@@ -318,3 +318,17 @@ def test_a_segment_whose_voxels_others_have_is_said_to_be_empty_for_that(desk: D
     desk.finish()
     (notice,) = desk.reported
     assert notice.startswith("The segment of 'liver', 'spleen' is empty: all its voxels belong to other segments")
+
+
+@pytest.mark.parametrize(("rows", "lacking"), [(slice(0, 110), ["liver"]), (slice(0, 100), [])])
+def test_a_segment_is_said_to_lack_most_of_its_voxels_where_others_have_them(
+    desk: Desk, rows: slice, lacking: list[str]
+) -> None:
+    earlier = np.zeros(SHAPE, dtype=bool)
+    earlier[:, rows] = True
+    add_segment(desk.segmentation, "earlier", earlier, OBLIQUE)
+    desk.begin()
+    desk.finish()
+    assert [notice.partition(":")[0] for notice in desk.reported] == [
+        f"The segment of '{name}' lacks most of its voxels" for name in lacking
+    ]
