@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.iso_proposals import SMALLEST_SIZE
 from ViTTransferFunction.Logic.core.system.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.volume import FARTHEST_VOXELS, Volume
@@ -56,12 +57,21 @@ def test_the_larger_the_size_the_larger_the_structure(session: SegmentationSessi
     assert voxels[0] < 0.9 * voxels[-1]
 
 
+def test_a_smaller_structure_is_a_higher_threshold_on_the_same_map(session: SegmentationSession, spheres: Spheres) -> None:
+    usual, smaller = (
+        session.refined_map(session.low_resolution_maps([request])[0], [request], 0, "bilateral")
+        for request in (ClassRequest("sphere", centre_ras(spheres, 1), size=size) for size in (0.0, SMALLEST_SIZE))
+    )
+    assert usual.iso < smaller.iso
+    np.testing.assert_array_equal(usual.voxels.array, smaller.voxels.array)
+
+
 @pytest.mark.parametrize("refinement", ["bilateral", "guided"])
 def test_a_refined_segment_leaves_out_what_was_clicked_as_not_its_own(
     session: SegmentationSession, spheres: Spheres, refinement: RefinementMethod
 ) -> None:
     centre = centre_ras(spheres, 1)
-    beside = centre + np.array([6.0, 0.0, 0.0])
+    beside = centre + np.array([4.0, 0.0, 0.0])
     voxel = tuple(spheres[0].geometry.nearest_voxels(beside)[0])
     unsaid = session.segment([ClassRequest("sphere", centre)], refinement).labels
     own = session.segment([ClassRequest("sphere", centre, negative=beside)], refinement).labels
