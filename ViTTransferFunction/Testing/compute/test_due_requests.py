@@ -293,7 +293,11 @@ def test_close_ups_wait_for_the_features_of_the_whole(proxy: SegmentationProxy, 
     proxy.poll()
     client.answer(ComputeMaps, Maps((MAP,), awaiting_close_ups=("liver",)))
     proxy.poll()
+    # Nor is anything begun by itself once these were cancelled.
+    client.answer(Extract, GivenUp())
+    proxy.poll()
     assert "LookCloser" not in client.kinds()
+    proxy.extract()
     client.answer(Extract, Loaded(""))
     proxy.poll()
     client.answer(ComputeMaps, Maps((MAP,), awaiting_close_ups=("liver",)))
