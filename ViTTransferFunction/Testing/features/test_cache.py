@@ -365,6 +365,9 @@ def test_beyond_the_limit_the_features_used_longest_ago_go_first(cache: FeatureC
     monkeypatch.setattr(cache_module, "LIMIT_BYTES", int(3.5 * cache.size_bytes() / 3))
     cache.put(features_named("another"))
     assert {entry.key for entry in cache.entries()} == {key("another"), key("oldest"), key("newest")}
+    monkeypatch.setattr(cache_module, "LIMIT_BYTES", 1)
+    cache.put(features_named("too large"))
+    assert [entry.key for entry in cache.entries()] == [key("too large")]
 
 
 def test_size_is_shown_and_clearing_frees_it(cache: FeatureCache) -> None:
