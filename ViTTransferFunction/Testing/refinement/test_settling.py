@@ -55,6 +55,16 @@ def test_a_rough_surface_becomes_that_of_the_structure() -> None:
     assert dice(settled_map() >= ISO, truth) > 0.96
 
 
+@pytest.mark.parametrize("low", [0.0, 500.0], ids=["as it is displayed", "displayed as plain black"])
+def test_a_surface_moves_to_where_intensities_change(low: float) -> None:
+    _, truth, _ = scan_and_map()
+    scan = np.where(truth, 120.0, 80.0).astype(np.float32)
+    voxels = held_whole(ndimage.binary_dilation(truth, iterations=2).astype(np.float32))
+    assert dice(voxels.held >= ISO, truth) < 0.8
+    settle(voxels, volume_of(scan), IntensityWindow(low, low + 200.0), CENTRE, NO_POINTS, ISO)
+    assert dice(voxels.held >= ISO, truth) > 0.97
+
+
 def test_voxels_that_stay_on_their_side_keep_their_values() -> None:
     _, _, array = scan_and_map()
     settled = settled_map()
