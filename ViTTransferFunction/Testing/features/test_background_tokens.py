@@ -87,3 +87,6 @@ def test_background_is_where_no_voxel_is_bright_also_beside_voxels_that_are_no_n
     inner[1:-1, 1:-1, 1:-1] = 0
     expected = np.isin(components, np.setdiff1d(inner, [0]))
     np.testing.assert_array_equal(background_cells(array, WINDOW, array.shape), expected)
+    # And of two, one of which is none.
+    beside_nan = np.stack([array, np.full_like(array, np.nan)], axis=1).reshape(10, 6, 7)
+    np.testing.assert_array_equal(background_cells(beside_nan, WINDOW, array.shape), expected)
