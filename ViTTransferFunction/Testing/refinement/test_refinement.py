@@ -177,6 +177,21 @@ def test_a_map_below_its_iso_value_everywhere_is_only_interpolated(method: Refin
     np.testing.assert_array_equal(refined(intensities, faint, method), refined(intensities, faint, "none"))
 
 
+@pytest.mark.parametrize("method", ["bilateral", "guided"])
+def test_all_that_reaches_the_threshold_is_refined_also_in_cells_below_it(method: RefinementMethod) -> None:
+    intensities, *_ = ball_and_its_map(edge=28)
+    cells = np.zeros((7, 7, 7), dtype=np.float32)
+    cells[3, 3, 3] = 1.0
+    unrefined, voxels = (
+        refine(cells, volume_of(intensities), WINDOW, np.full((1, 3), 13.5), 0.1, each) for each in ("none", method)
+    )
+    reaches = unrefined.array >= 0.1
+    assert reaches[13, 13].sum() > 4
+    assert voxels.refined is not None
+    reaches[voxels.refined] = False
+    assert not reaches.any()
+
+
 @pytest.mark.parametrize("method", REFINEMENT_METHODS)
 def test_what_lies_far_from_a_small_structure_need_not_be_looked_at_again(method: RefinementMethod) -> None:
     intensities, _, similarity = ball_and_its_map(radius=5.0)
