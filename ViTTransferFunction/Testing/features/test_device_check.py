@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.features import device_check as device_check_module
 from ViTTransferFunction.Logic.features import networks as networks_module
 from ViTTransferFunction.Logic.features.buffer_pool import BufferPool
 from ViTTransferFunction.Logic.features.device_check import UnsoundDevice, device_trouble
@@ -67,6 +68,15 @@ def test_a_lack_of_memory_is_not_taken_for_an_unsound_device() -> None:
         device_trouble(OnDevice(run_out))
 
 
+def test_a_graphics_card_whose_memory_others_use_is_no_unsound_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    def run_out(*_: object) -> None:
+        raise RuntimeError("CUDA out of memory")
+
+    monkeypatch.setattr(device_check_module, "extract_features", run_out)
+    with pytest.raises(RuntimeError, match="CUDA out of memory"):
+        device_trouble(PROCESSOR)
+
+
 def test_a_device_is_tried_once_and_the_processor_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     weights = WeightsFile(tmp_path / "tiny.pth", "random", TINY_MODEL, "made up")
     torch.save(random_state_dict(TINY_MODEL), weights.path)
@@ -83,3 +93,12 @@ def test_a_device_is_tried_once_and_the_processor_not_at_all(tmp_path: Path, mon
             networks.network(weights, torch.device("meta"))
     assert networks.network(weights, torch.device("cpu")).device.type == "cpu"
     assert tried == [torch.device("meta")]
+
+
+def test_the_processor_is_used_where_it_is_chosen_after_another_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    weights = WeightsFile(tmp_path / "tiny.pth", "random", TINY_MODEL, "made up")
+    torch.save(random_state_dict(TINY_MODEL), weights.path)
+    monkeypatch.setattr(networks_module, "device_trouble", lambda network: "")
+    networks = Networks()
+    devices = [networks.network(weights, torch.device(name)).device.type for name in ("meta", "cpu")]
+    assert devices == ["meta", "cpu"]
