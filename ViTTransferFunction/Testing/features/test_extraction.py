@@ -137,6 +137,8 @@ def test_a_long_volume_has_smaller_cells_but_no_more_than_a_cube() -> None:
     assert 64 < in_long[0] < 1000.0 / 8.0
     assert 0.9 * 64**3 < math.prod(in_long) <= 64**3
     assert cells(2000.0, 100.0, 100.0) == (128, 6, 6), "a grid has no more along an edge"
+    settings = settings.with_grid(32)
+    assert cells(1000.0, 500.0, 400.0) == (32, 16, 13), "as many as the user asks for"
 
 
 def test_a_volume_that_is_stored_turned_has_the_same_cells() -> None:

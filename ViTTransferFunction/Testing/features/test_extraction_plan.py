@@ -54,3 +54,20 @@ def test_slices_and_layers_that_are_run_count_and_not_cells() -> None:
         for of_slices in ({}, {"layer_step": 2}, {"every_slice": True})
     )
     assert every_second > every_layer > every_slice
+
+
+def test_of_a_slice_that_stands_for_layers_of_body_and_of_air_all_is_run() -> None:
+    array = volume_with_body((64, 64, 64), 1.0).array.copy()
+    array[24:] = -1000
+    plan = ExtractionPlan(
+        Volume(array, Geometry(array.shape, np.eye(4))), FeatureSettings(grid=8, layer_step=2, canonical=False)
+    )
+    run = {
+        sample.layers[-1][0]: len(chosen.places)
+        for batch in plan.batches
+        if batch.axis == 0
+        for sample, chosen in zip(batch.samples, batch.chosen, strict=True)
+    }
+    # Up to layer 2 there is body. Slices lie in every second layer, and stand for those beside it as well.
+    assert (run[1], run[3]) == (64, 64)
+    assert run[5] < 64

@@ -26,6 +26,13 @@ def test_a_ct_is_seen_in_its_own_channels_and_another_scan_in_grey() -> None:
     assert mr == NetworkChannels.grey(mr.background)
 
 
+def test_a_part_is_seen_as_the_whole_is() -> None:
+    for low, high in ((-1000.0, 1500.0), (0.0, 800.0)):
+        whole = volume_of(np.linspace(low, high, 1000).reshape(10, 10, 10))
+        part = whole.part((slice(6, 10), slice(0, 5), slice(0, 5)))
+        assert network_channels(part) == network_channels(whole)
+
+
 def test_all_of_a_ct_is_told_apart_in_one_channel_and_soft_tissue_best() -> None:
     hounsfield = np.arange(-1000.0, 1001.0)
     shades = CT_EVERYTHING.apply(hounsfield)
