@@ -88,14 +88,22 @@ def test_what_is_not_seen_casts_no_shadow() -> None:
 
 
 def test_what_is_around_the_masks_is_in_the_volume_where_it_is_wanted() -> None:
-    geometry, intensities = grid(), np.zeros(SHAPE, dtype=np.int16)
+    geometry, intensities = grid(), np.full(SHAPE, -1000, dtype=np.int16)
     intensities[2, 3, 4] = 200
     voxels, fine = mask_volume(
-        geometry, [ball_mask((9.5, 11.5, 13.5), 4.0)], [1.0], None, (intensities, np.linspace(0.0, 200.0, 256)), whole=True
+        geometry, [ball_mask((9.5, 11.5, 13.5), 4.0)], [1.0], None, (intensities, np.linspace(-1000.0, 200.0, 256)), whole=True
     )
     bright = np.argwhere(voxels[..., INTENSITY] > 60).mean(axis=0)
     place = fine.ijk_to_ras_points(bright[None, ::-1])
     assert place == pytest.approx(geometry.ijk_to_ras_points(np.array([[4, 3, 2]])), abs=0.5)
+
+
+def test_bone_is_shown_whole_beside_a_voxel_without_intensity() -> None:
+    bone = ball_mask((10.0, 12.0, 14.0), 5.0)
+    intensities = np.where(bone, 400.0, 0.0)
+    intensities[10, 12, 20] = np.nan
+    depths, _ = at_voxels(grid(), *mask_volume(grid(), [bone], [1.0], [(intensities, 200.0)]))
+    assert (depths[bone] > SURFACE).all()
 
 
 def test_the_volume_just_encloses_the_masks() -> None:
