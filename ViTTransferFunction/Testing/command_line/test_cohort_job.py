@@ -19,6 +19,7 @@ import SimpleITK as sitk  # noqa: N813
 import torch
 
 from ViTTransferFunction.CommandLine.cohort import folder_lock
+from ViTTransferFunction.CommandLine.cohort import job as job_module
 from ViTTransferFunction.CommandLine.cohort.case_work import segment_case
 from ViTTransferFunction.CommandLine.cohort.cases import Case
 from ViTTransferFunction.CommandLine.cohort.cluster_size import ClusterSize, fitted_size, largest_first
@@ -169,6 +170,17 @@ def test_a_case_is_not_done_once_a_setting_changes(job: CaseJob, change: dict[st
 def test_a_case_is_not_done_once_weights_refinement_or_components_change(job: CaseJob) -> None:
     others = {"weights_sha256": "beef"}, {"method": "none"}, {"only_annotated_components": False}
     assert [replace(job, settings=replace(job.settings, **other)).finished() for other in others] == [None] * 3
+
+
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [("package_version", lambda package: "99.0"), ("FORMAT_VERSION", 99), ("preset", lambda preset: "with other numbers")],
+)
+def test_a_case_is_not_done_once_another_version_would_segment_it(
+    job: CaseJob, monkeypatch: pytest.MonkeyPatch, name: str, other: Any
+) -> None:
+    monkeypatch.setattr(job_module, name, other)
+    assert job.finished() is None
 
 
 def test_where_files_lie_and_what_computes_does_not_matter(job: CaseJob, tmp_path: Path) -> None:
