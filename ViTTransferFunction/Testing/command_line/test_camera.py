@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ViTTransferFunction.CommandLine.render_command import VIEW_DEGREES
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes.camera import Camera, direction, framing, middle_of
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
@@ -28,19 +29,20 @@ def projected(camera: Camera, middle_ras: np.ndarray, points_ras: np.ndarray) ->
 
 
 @pytest.mark.parametrize(
-    ("azimuth", "elevation", "rightmost", "topmost"),
+    ("side", "azimuth", "elevation", "rightmost", "topmost"),
     [
-        (0.0, 0.0, (-1, 0, 0), (0, 0, 1)),
-        (90.0, 0.0, (0, -1, 0), (0, 0, 1)),
-        (180.0, 0.0, (1, 0, 0), (0, 0, 1)),
-        (-90.0, 0.0, (0, 1, 0), (0, 0, 1)),
-        (180.0, 90.0, (1, 0, 0), (0, 1, 0)),
-        (0.0, -90.0, (-1, 0, 0), (0, 1, 0)),
+        ("front", 0.0, 0.0, (-1, 0, 0), (0, 0, 1)),
+        ("left", 90.0, 0.0, (0, -1, 0), (0, 0, 1)),
+        ("back", 180.0, 0.0, (1, 0, 0), (0, 0, 1)),
+        ("right", -90.0, 0.0, (0, 1, 0), (0, 0, 1)),
+        ("top", 180.0, 90.0, (1, 0, 0), (0, 1, 0)),
+        ("bottom", 0.0, -90.0, (-1, 0, 0), (0, 1, 0)),
     ],
 )
 def test_each_side_of_the_patient_is_seen_as_a_radiologist_expects(
-    azimuth: float, elevation: float, rightmost: tuple[int, int, int], topmost: tuple[int, int, int]
+    side: str, azimuth: float, elevation: float, rightmost: tuple[int, int, int], topmost: tuple[int, int, int]
 ) -> None:
+    assert VIEW_DEGREES[side] == (azimuth, elevation)
     points = CENTRE + 10.0 * np.concatenate([np.eye(3), -np.eye(3)])
     camera = framing(points, CENTRE, direction(azimuth, elevation), size=SIZE)
     x, y = projected(camera, CENTRE, points).T
