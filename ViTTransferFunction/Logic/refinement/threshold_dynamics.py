@@ -177,8 +177,9 @@ def _level(voxels: int, sums_in_turn: Callable[[], Iterable[Tensor]]) -> float:
     counts = np.zeros(WHOLE + 1, dtype=np.int64)
     for sums in sums_in_turn():
         counts += np.bincount(array_of(sums[sums > 0]), minlength=WHOLE + 1)
+    # Above 0, since each of the mask's voxels has a weight in its own sum.
     keeps_volume = (np.count_nonzero(counts[::-1].cumsum()[::-1] >= voxels) - 1) / WHOLE
-    return float(np.interp(max(keeps_volume, 1.0 / WHOLE), [0.0, THIN, COMPACT], [0.0, THIN, 0.5]))
+    return float(np.interp(keeps_volume, [0.0, THIN, COMPACT], [0.0, THIN, 0.5]))
 
 
 def _least_sums(bins: np.ndarray, learned_from: np.ndarray, level: float) -> np.ndarray:
