@@ -456,6 +456,16 @@ def pretended(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
     return pretend
 
 
+def test_features_that_are_cancelled_before_they_begin_are_not_computed(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("extract")
+        assert app.server.state.pressed
+        app.actions("cancel")
+        assert not app.server.state.pressed
+
+    opened(journey)
+
+
 def test_why_nothing_can_listen_is_told_in_the_words_of_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     said = {10048: "Only one usage of each socket address is normally permitted."}
     monkeypatch.setattr(sys, "platform", "win32")
