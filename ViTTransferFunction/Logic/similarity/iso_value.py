@@ -57,8 +57,6 @@ SMALLER_SHARE_OF_POSITIVES = 0.95
 """Of the value that most points reach, the most that the smaller structure's iso value may be: it is to hold these points."""
 LEAST_STEP = 1.05
 """Least ratio between the iso values of the smaller structure and the chosen one: a step must do something."""
-ISO_WITHOUT_NEGATIVES = 0.5
-"""Iso value as a share of the positives' similarity, where there is nothing to keep a distance from."""
 LARGEST_SHARE_OF_POSITIVES = 0.5
 """Of the value that most points reach, the most that the iso value may be. Where a map is low even at its points, such as that
 of a kidney clicked once in its middle and often outside, little but the point was left above a higher one."""
@@ -252,18 +250,16 @@ def iso_between_points(at_positives: np.ndarray, at_negatives: np.ndarray) -> fl
     """The iso value that lies in the middle between the points to include and those to exclude.
 
     Args:
-        at_positives: (N, …) the class's map at its own positive points, N ≥ 1.
+        at_positives: (N, …) the class's map, in [0, 1], at its own positive points, N ≥ 1.
         at_negatives: (M,) the same map at the points that speak against the class (`points_against`), M ≥ 0.
 
     Returns:
         The middle between the means of the two groups, or half of the positives' mean where there are no negatives; never so
         low or high that everything or nothing would be selected.
     """
-    typical = float(np.mean(at_positives))
-    iso = ISO_WITHOUT_NEGATIVES * typical
-    if len(at_negatives):
-        iso = max(iso, 0.5 * (typical + float(np.mean(at_negatives))))
-    return float(np.clip(iso, SMALLEST_ISO, LARGEST_ISO))
+    include = float(np.mean(at_positives))
+    exclude = float(np.mean(at_negatives)) if len(at_negatives) else 0.0
+    return float(np.clip(0.5 * (include + exclude), SMALLEST_ISO, LARGEST_ISO))
 
 
 def _strength_along_surfaces(levels: Levels, edge_strength: np.ndarray) -> np.ndarray:
