@@ -10,7 +10,7 @@ import qt
 import slicer
 
 from ViTTransferFunction.Logic.scene.annotation_tool import TOOL_ICONS, TOOLS
-from ViTTransferFunction.Logic.scene.classes.class_state import ClassState
+from ViTTransferFunction.Logic.scene.classes.class_state import Classes
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Widget.advanced_section import AdvancedSection
 from ViTTransferFunction.Widget.annotation_tools import AnnotationTools
@@ -217,7 +217,7 @@ class Panel:
     def _is_over(self, session: SceneSession) -> bool:
         return self.session is not session
 
-    def _classes(self) -> tuple[ClassState, ...]:
+    def _classes(self) -> Classes:
         return self.session.classes if self.session else ()
 
     def _set_pace(self) -> None:

@@ -31,7 +31,7 @@ from .annotation.regions import SceneRegions
 from .annotation.scan_of_points import ScanOfPoints
 from .annotation.selected_class import SelectedClass
 from .annotation.shown_structures import ShownStructures
-from .classes.class_state import ClassState, Polarity
+from .classes.class_state import Classes, ClassState, Polarity
 from .classes.of_volume import bring_back
 from .classes.point_tour import PointTour
 from .interface.cache_contents import CacheContents
@@ -275,7 +275,7 @@ class SceneSession:
             bring_back(node)
 
     @property
-    def classes(self) -> tuple[ClassState, ...]:
+    def classes(self) -> Classes:
         """All classes as they are now, in order."""
         return self.annotations.classes
 

@@ -8,7 +8,7 @@ import numpy as np
 import slicer
 
 from ...core.system.errors import InputError
-from ..classes.class_state import ClassState
+from ..classes.class_state import Classes, ClassState
 from ..interface.parameters import SceneParameters
 from ..segments.labelmaps import LABELMAP
 from ..segments.outside_points import outside_points
@@ -76,7 +76,7 @@ class OtherSegments:
             return annotations.continue_segment(segment_id, name, segment.GetColor(), points)
         return None
 
-    def outside(self, states: tuple[ClassState, ...]) -> dict[str, np.ndarray]:
+    def outside(self, states: Classes) -> dict[str, np.ndarray]:
         """Points off each class, by its id (`outside_points`); none where the user does not want them."""
         node = self._parameters.segmentation
         if node is None or not self._parameters.get("otherSegmentsAreOutside"):

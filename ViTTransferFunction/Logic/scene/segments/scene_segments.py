@@ -13,7 +13,7 @@ from ...compute.requests import Labels
 from ...core.classes.class_request import ClassRequest
 from ...core.system.errors import InputError
 from ...core.system.progress import WorkProgress
-from ..classes.class_state import ClassState
+from ..classes.class_state import Classes
 from ..interface.notices import Notices
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
@@ -48,7 +48,7 @@ class SceneSegments(WrittenSegments):
         problems: Problems,
         notices: Notices,
         volume: OpenedVolume,
-        classes: Callable[[], tuple[ClassState, ...]],
+        classes: Callable[[], Classes],
         requests: Callable[[], Sequence[ClassRequest]],
     ) -> None:
         super().__init__(parameters, classes, requests, lambda: proxy.voxels)

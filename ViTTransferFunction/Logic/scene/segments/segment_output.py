@@ -11,7 +11,7 @@ from ...compute.requests import Labels
 from ...core.system.errors import InputError
 from ...core.system.progress import WorkProgress
 from ...core.volumes.stepped_work import SteppedWork, Steps
-from ..classes.class_state import ClassState
+from ..classes.class_state import Classes
 from ..interface.parameters import REFERENCES, SceneParameters
 from ..interface.wording import empty_text, mostly_taken_text, segmentation_removed_text, taken_text
 from ..mrml.nodes import name_for_scene
@@ -45,7 +45,7 @@ class SegmentOutput:
         scene: slicer.vtkMRMLScene,
         app_logic: slicer.vtkMRMLApplicationLogic,
         parameters: SceneParameters,
-        classes: Callable[[], tuple[ClassState, ...]],
+        classes: Callable[[], Classes],
         report: Callable[[str], None],
     ) -> None:
         self._scene = scene

@@ -16,7 +16,7 @@ from ViTTransferFunction.Logic.compute.requests import Labels
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes import stepped_work
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
-from ViTTransferFunction.Logic.scene.classes.class_state import ClassState
+from ViTTransferFunction.Logic.scene.classes.class_state import Classes, ClassState
 from ViTTransferFunction.Logic.scene.interface.parameters import SceneParameters
 from ViTTransferFunction.Logic.scene.segments.segment_output import SegmentOutput
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
@@ -38,7 +38,7 @@ class Desk:
 
     def __init__(self, app: Any) -> None:
         self.scene = app.scene
-        self.classes: tuple[ClassState, ...] = CLASSES
+        self.classes: Classes = CLASSES
         self.volume = app.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
         set_image(self.volume, np.zeros(SHAPE, dtype=np.int16), OBLIQUE)
         self.segmentation = app.scene.AddNewNodeByClass("vtkMRMLSegmentationNode", "of a colleague")
