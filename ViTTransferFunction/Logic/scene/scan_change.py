@@ -57,8 +57,7 @@ class ScanChange:
         when_left = self._annotations.leave()
         self._other_segments.drop_continued()
         with self._notices.one():
-            self._problems.solve("segments")
-            self._problems.solve("close-up")
+            self._problems.solve("segments", "close-up")
             if node is not None:
                 choose_segmentation_of(node, self._parameters)
             self._parameters.set_reference("volume", node)

@@ -268,8 +268,7 @@ class SceneSession:
 
     def set_segmentation(self, node: slicer.vtkMRMLSegmentationNode | None) -> None:
         """Choose the segmentation that gets the segments."""
-        self._problems.solve("segments")
-        self._problems.solve("older segments")
+        self._problems.solve("segments", "older segments")
         self.parameters.set_reference("segmentation", node)
         if node is not None:
             bring_back(node)
@@ -341,8 +340,7 @@ class SceneSession:
 
     def start_extraction(self) -> None:
         """Begin to compute the volume's features."""
-        self._problems.solve("segments")
-        self._problems.solve("computing")
+        self._problems.solve("segments", "computing")
         self._proxy.extract()
         self._take_problem()
         self._notices.tell()
@@ -443,11 +441,7 @@ class SceneSession:
 
     def _on_annotations(self) -> None:
         """The user went on, or took back what they did."""
-        self._problems.solve("segments")
-        self._problems.solve("older segments")
-        self._problems.solve("close-up")
-        self._problems.solve("placing")
-        self._problems.solve("defect")
+        self._problems.solve("segments", "older segments", "close-up", "placing", "defect")
         self.close_up_hints.note()
         self._follow()
 

@@ -1,27 +1,23 @@
-"""What stands in the user's way, by its cause: told once, and over when the cause is."""
+"""Problems that the user is told of: once each, for as long as its cause lasts."""
 
 from __future__ import annotations
 
 from typing import Literal
 
 Cause = Literal[
-    "volume",
-    "computing",
-    "cache",
-    "segments",
-    "older segments",
-    "views",
-    "close-up",
-    "left behind",
-    "other scan",
-    "model",
-    "placing",
-    "defect",
+    "volume",  # The volume or a setting is refused.
+    "computing",  # The compute process ended, or refused a request.
+    "cache",  # Features cannot be kept on disk.
+    "segments",  # Segments could not be written, or not be continued.
+    "older segments",  # The user came back to a frame whose segments are older than the classes.
+    "views",  # Something cannot be shown.
+    "close-up",  # A structure cannot be looked at more closely.
+    "left behind",  # The volume was moved away from its points.
+    "other scan",  # The points were placed on another scan.
+    "model",  # The model that the structures were made with is not available.
+    "placing",  # A click in 3D hit nothing.
+    "defect",  # A poll raised an unexpected error.
 ]
-"""The volume or a setting; the compute process, or what it was asked for; features that cannot be kept; segments that could
-not be written; those of a frame that users come back to; what cannot be shown; a structure that cannot be looked at more
-closely; points that the volume was moved away from; points that were placed on another scan; the model that structures were
-made with, which is not to be had; a point that was to be placed on nothing; what a poll raised."""
 
 
 class Problems:
@@ -32,20 +28,21 @@ class Problems:
         self._untold: list[Cause] = []
 
     def put(self, cause: Cause, message: str) -> None:
-        """There is a problem; `message` is for the user. One that stands already is not told again."""
+        """There is a problem; `message` is for the user. If the same message stands already, it is not told again."""
         if self._standing.get(cause) != message:
             self.solve(cause)
             self._standing[cause] = message
             self._untold.append(cause)
 
-    def solve(self, cause: Cause) -> None:
-        """The cause is gone."""
-        self._standing.pop(cause, None)
-        if cause in self._untold:
-            self._untold.remove(cause)
+    def solve(self, *causes: Cause) -> None:
+        """These causes are gone, if they were there."""
+        for cause in causes:
+            self._standing.pop(cause, None)
+            if cause in self._untold:
+                self._untold.remove(cause)
 
     def take(self) -> str | None:
-        """The next problem that still stands and was not taken yet, in the order in which they came; None after the last."""
+        """The oldest problem that still stands and has not been taken yet; None if there is none."""
         return self._standing[self._untold.pop(0)] if self._untold else None
 
     def stands(self, cause: Cause) -> bool:

@@ -135,9 +135,7 @@ class SceneSegments(WrittenSegments):
 
     def _begin(self, corrections: Corrections | Literal["ask"]) -> None:
         """Ask for labels, look for corrections, or tell why there is nothing to do."""
-        self._problems.solve("segments")
-        self._problems.solve("older segments")
-        self._problems.solve("computing")
+        self._problems.solve("segments", "older segments", "computing")
         if self.can_write and not self._is_annotated:
             self._remove_left()
         elif self._proxy.phase != "ready" or not self._requests():
