@@ -1,4 +1,4 @@
-"""The panel: its parts, the session that they show, and the timer that has the session take in what was computed."""
+"""The panel: its sections, the session that they show, and the timer that polls the session."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ from ViTTransferFunction.Widget.views import DrawingOrder, points_of_3d_views, v
 from ViTTransferFunction.Widget.volume_section import VolumeSection
 
 POLL_MS = 10
-"""How often the session is asked for news while something runs."""
+"""Interval at which the session is polled while something runs, in milliseconds."""
 CLICK_POLL_MS = 2
-"""And while the answer to a click is under way."""
+"""The same while the answer to a click is under way."""
 IDLE_POLL_MS = 500
-"""And while nothing does: soon enough to tell that the compute process was lost."""
+"""The same while nothing runs: often enough to notice soon that the compute process has ended."""
 
 SEGMENT_EDITOR = "SegmentEditor"
 """The module in which users correct segments."""
 
 ICONS = (*TOOL_ICONS.values(), "Undo", "Redo", "RemoveLast")
-"""Of the buttons that have one, by the names of their files."""
+"""Icons, by file name without ending; the buttons that have them are named after them."""
 
 
 class Panel:
@@ -56,16 +56,16 @@ class Panel:
 
     Args:
         ui: the widgets of the panel, by name.
-        window: in which shortcuts work.
-        icons: folder with the tools' icons.
+        window: the window in which shortcuts work.
+        icons: folder with the icons of `ICONS`.
 
     Attributes:
         session: the session that is shown; None while the scene is being closed.
-        tools: what places, brushes and erases.
-        size: what makes structures smaller and larger.
-        close_up: what has structures looked at by themselves.
-        shortcuts: the keys.
-        shortcut_help: the list of the keys.
+        tools: the tools that place, brush and erase points.
+        size: the controls that make a structure smaller or larger.
+        close_up: the controls for a closer look at a structure.
+        shortcuts: the keyboard shortcuts.
+        shortcut_help: the window that lists them.
     """
 
     def __init__(self, ui: Any, window: Any, icons: Path) -> None:
@@ -161,7 +161,7 @@ class Panel:
             self.refresh()
 
     def take_input(self) -> None:
-        """While the module is open: take keys, the wheel, volumes and what is copied out of messages, and watch colours."""
+        """When the module is entered: handle keys, the wheel, new volumes and copying from messages, and watch colours."""
         self.shortcuts.install()
         self.size.take_wheel()
         self.tools.watch_colours()
@@ -170,7 +170,7 @@ class Panel:
         self._volume.offered.resume()
 
     def leave_input(self) -> None:
-        """Leave them to Slicer."""
+        """When the module is left: leave all of these to Slicer."""
         self.shortcuts.remove()
         self.size.leave_wheel()
         self.tools.leave_colours()
@@ -178,7 +178,7 @@ class Panel:
         self._volume.offered.pause()
 
     def bind_parameters(self) -> None:
-        """Keep widgets and parameter node equal from now on, and end what the scene was saved in the midst of."""
+        """Keep widgets and parameter node equal from now on, and end what was unfinished when the scene was saved."""
         if self.session is not None and self._bound is None:
             self._bound = BoundParameters(self.session.parameters, self._ui)
             for message in self._bound.replaced:
@@ -187,7 +187,7 @@ class Panel:
             self.refresh()
 
     def release_parameters(self) -> None:
-        """Leave widgets and parameter node to themselves, while the node is in the hands of others."""
+        """Stop keeping widgets and parameter node equal, while Slicer changes the node."""
         if self._bound is not None:
             self._bound.release()
             self._bound = None
@@ -204,7 +204,7 @@ class Panel:
         self._set_pace()
 
     def _tell_errors(self) -> bool:
-        """Show what went wrong since the last time; returns whether anything did."""
+        """Show the errors since the last call; returns whether there were any."""
         session, told = self.session, False
         while session and (error := session.take_error()):
             self._messages.show(error, partial(self._is_solved, session, error))
@@ -262,13 +262,13 @@ class Panel:
             self.session.give_way_to_segments(name == SEGMENT_EDITOR)
 
     def _start_computing(self) -> None:
-        """Once, a moment after the panel was opened: the user then still chooses a volume, or has gone on."""
+        """Start the compute process, once, at the first tick after the panel was opened: the user still chooses a volume."""
         if self.session is not None and self._start_due:
             self._start_due = False
             self.session.start_computing()
 
     def _on_pytorch(self) -> None:
-        """PyTorch is being installed, or is there: the volume that was chosen without it is taken up."""
+        """An installation of PyTorch began or ended: if it is there now, take up the volume that was chosen without it."""
         session = self.session
         if session is not None and session.estimate is None and not session.busy and pytorch_is_installed():
             session.estimate_again()
@@ -280,7 +280,7 @@ class Panel:
             self.tools.toggle("pointOn")
 
     def _put_down(self) -> None:
-        """The list of keys first: it lies above what the tool is used on."""
+        """Close the list of keys, which lies over the views; put the tool down if the list is not open."""
         if not self.shortcut_help.close():
             self.tools.put_down()
 

@@ -20,13 +20,13 @@ from .feature_volume import FeatureVolume
 logger = logging.getLogger(__name__)
 
 LIMIT_BYTES = 20 * 10**9
-"""Beyond it, the features used longest ago are removed."""
+"""When the cache is larger than this, the least recently used features are removed."""
 SPARE_BYTES = 64 * 1024**2
-"""Room that is left on the disk beyond the features themselves."""
+"""Free space that must remain on the disk after the features are stored."""
 _KEY = re.compile(r"[0-9a-f]{64}")
 """A key is a SHA-256 (`feature_key`)."""
 _OURS = re.compile(rf"{_KEY.pattern}|{re.escape(TEMPORARY)}.+")
-"""What files are called here: by their key, or as `replacing` calls what is half-written."""
+"""Names of the cache's files, without `.npz`: a key, or the temporary name that `replacing` gives while it writes."""
 
 
 def _default_folder() -> Path:
@@ -36,18 +36,18 @@ def _default_folder() -> Path:
 class FeatureCache:
     """A folder with one `.npz` file (arrays only, never pickles) for each feature volume, named by its key.
 
-    It only ever saves time: whatever it cannot read counts as absent, and what it cannot keep is computed again next time.
-    Features are derived from patients' data: nobody but the user can read them.
+    The cache only saves time, and never stops the work: features that it cannot read count as absent, and features that it
+    cannot store are computed again next time. Features are derived from patients' data, so only the user can read the files.
 
     Args:
-        folder: where; the user's cache folder unless given.
+        folder: the folder to keep them in; by default in the user's cache folder.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
         self.folder = folder or _default_folder()
 
     def get(self, key: str) -> FeatureVolume | None:
-        """The features named `key`, or None. A damaged file is removed and counts as absent."""
+        """The features stored under `key`, or None. A damaged file is removed and counts as absent."""
         path = self._path(key)
         try:
             # A pipe would make its reader wait for ever.
@@ -59,28 +59,28 @@ class FeatureCache:
         except (OSError, ValueError) as error:
             reason = " ".join(str(error).split())
             logger.warning("Cached features cannot be used and are computed again (%s: %s)", path, reason)
-            # Not where it could not be opened: another program may have it for a moment.
+            # A file that could not be opened stays: another program may have it open for a moment.
             if isinstance(error, ValueError):
                 with suppress(OSError):
                     path.unlink()
             return None
-        # The time of last use, which removal goes by.
+        # The time of last use, by which `_evict` chooses.
         with suppress(OSError):
             os.utime(path)
         return features
 
     def __contains__(self, key: str) -> bool:
-        """Whether there is a file of features named `key`; whether it is sound, only `get` finds out."""
+        """Whether there is a file of features for `key`; only `get` finds out whether it is intact."""
         return self._entry(self._path(key)) is not None
 
     def put(self, features: FeatureVolume) -> str:
-        """Store features, whole or not at all, then remove the least recently used beyond the limit.
+        """Store features completely or not at all, then remove the least recently used ones beyond the limit.
 
-        Features that are not finite are not stored. Where the folder cannot be written to, or the disk is full, a warning says
-        so once.
+        Features with values that are not finite are not stored. If the folder cannot be written to or the disk is full, that is
+        logged once.
 
         Returns:
-            Why they are not kept, for the user; "" where they are.
+            Why the features are not kept, as a sentence for the user; "" if they are kept.
         """
         if not all(all_finite(layer) for layer in features.array):
             return _warn_once("The features hold values that are not numbers; they are not kept in the cache.")
@@ -100,15 +100,15 @@ class FeatureCache:
         return ""
 
     def check_room(self, needed_bytes: int) -> None:
-        """Raise InputError if features of this size will not fit on the disk: before minutes are spent on them."""
+        """Raise InputError if features of this size will not fit on the disk: checked before minutes are spent on them."""
         try:
             existing = next((parent for parent in (self.folder, *self.folder.absolute().parents) if parent.exists()), None)
             if existing is None:
-                return  # On Windows, a disk that is not there.
+                return  # On Windows, the whole disk may be missing.
             total, _, free = shutil.disk_usage(existing)
         except OSError:
-            return  # Nothing will be kept there, which `put` tells.
-        # A folder such as /proc is on no disk: it has no room, and none can be made.
+            return  # Nothing can be kept there; `put` will say so.
+        # A folder such as /proc is on no disk: no space can be freed there.
         if total == 0 or not os.access(existing, os.W_OK):
             return
         if free < needed_bytes + SPARE_BYTES:
@@ -119,26 +119,27 @@ class FeatureCache:
             )
 
     def entries(self) -> list[CacheEntry]:
-        """What is stored, most recently used first."""
+        """The stored feature volumes, most recently used first."""
         found = (self._entry(path) for path in self._files() if _KEY.fullmatch(path.stem))
         return sorted((entry for entry in found if entry), key=lambda entry: entry.last_used_s, reverse=True)
 
     def size_bytes(self) -> int:
-        """Total size of what is stored."""
+        """Total size of all stored features."""
         return sum(entry.size_bytes for entry in self.entries())
 
     def clear(self) -> int:
-        """Remove all features, and leftovers of interrupted writes; returns the bytes that were freed.
+        """Remove all features and the remains of interrupted writes; returns the number of bytes freed.
 
-        Whatever else lies in the folder stays.
+        Other files in the folder stay.
 
         Raises:
-            OSError: some may not be removed, since another program has them open on Windows, say; all others are.
+            OSError: a file cannot be removed, for example because another program has it open on Windows. All others are
+                removed all the same.
         """
         entries = [entry for entry in map(self._entry, self._files()) if entry]
         freed = sum(self._remove(entry) for entry in entries)
         for entry in entries:
-            # What stands in the way of one that is still there, trying again tells.
+            # If a file is still there, a second attempt raises the reason.
             self._path(entry.key).unlink(missing_ok=True)
         return freed
 
@@ -146,14 +147,14 @@ class FeatureCache:
         return self.folder / f"{key}.npz"
 
     def _files(self) -> list[Path]:
-        """What has a name that only this class gives."""
+        """The files whose names only this class gives."""
         try:
             return [path for path in self.folder.iterdir() if path.suffix == ".npz" and _OURS.fullmatch(path.stem)]
         except OSError:
             return []
 
     def _entry(self, path: Path) -> CacheEntry | None:
-        """What a file is; None where there is none, but perhaps a folder, a link, or one that another process has removed."""
+        """The entry of a file; None if it is gone, for example removed by another process, or is no regular file."""
         try:
             status = path.lstat()
         except OSError:
@@ -169,7 +170,7 @@ class FeatureCache:
                 remaining -= self._remove(entry)
 
     def _remove(self, entry: CacheEntry) -> int:
-        """How many bytes that freed; none where it is gone already, or may not be removed."""
+        """Remove a file; returns the number of bytes freed, 0 if it is gone already or cannot be removed."""
         try:
             self._path(entry.key).unlink()
         except OSError:
@@ -190,7 +191,7 @@ _told: set[str] = set()
 
 
 def _warn_once(message: str) -> str:
-    """Warn of something unless that was done before; returns it."""
+    """Log a warning, unless the same one was logged before; returns the message."""
     if message not in _told:
         _told.add(message)
         logger.warning(message)

@@ -1,9 +1,9 @@
 """Close-ups: classes that are looked at by themselves, each in a box of the volume with features of its own.
 
-What is small or thin in the whole scan is less than a patch of the network wide, and its features are its neighbours'; whitened
-over the whole, they tell apart what differs most in it, which is something else. In a box of its own, a structure spans many
-patches, and what is whitened is what varies around it. Intensities are looked at in the same windows as in the whole, and
-distances are measured by the whole's size, so that a click means the same in both.
+In the whole scan, a small or thin structure is narrower than a patch of the network, so that its features are mostly those of
+its neighbours. Whitening over the whole scan also favours the differences that are largest there, which are others than those
+that tell this structure from its surroundings. In a box of its own, the structure spans many patches, and features are whitened
+over the box. Intensity windows and the scale of distances stay those of the whole volume: a click means the same in both.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from ..refinement.refinement import RefinementMethod
 from .refined_map import RefinedMap
 
 MOST_PATCHES = 8_000
-"""Of a close-up, in all slices together: 20 000 make it no better, and take more than twice as long."""
+"""Most patches of a close-up, in all slices together: 20 000 give no better result, and take more than twice as long."""
 
 
 class PartSession(Protocol):
-    """What a part needs of the session on it: a `SegmentationSession`, which itself needs this file."""
+    """The methods of `SegmentationSession` that a part calls. A protocol, because that file imports this one."""
 
     @property
     def volume(self) -> Volume:
         """The part."""
 
     def load_features(self, progress: Progress) -> Any:
-        """See `SegmentationSession`, as for the others."""
+        """See `SegmentationSession`; so for the methods below."""
 
     def prepare_clicks(self) -> None:
         """See there."""
@@ -70,10 +70,11 @@ class Part:
         self._last: tuple[ClassRequest, Geometry, ClassMap] | None = None
 
     def requests(self, requests: Sequence[ClassRequest], index: int) -> tuple[list[ClassRequest], int]:
-        """What is asked of the part: all classes that have positive points in it, by their points in it.
+        """The requests to make of the part: all classes with positive points in it, with only the points in it.
 
         Returns:
-            These, and the place among them of the index-th one of `requests`, which is one of them.
+            These requests, and the index among them of the class that is `requests[index]`, which must have a positive point
+            in the part.
         """
         geometry = self.session.volume.geometry
         inside = [
@@ -89,10 +90,10 @@ class Part:
         return inside, [request.id for request in inside].index(requests[index].id)
 
     def map_on(self, cells: Geometry, requests: Sequence[ClassRequest], index: int, between: Between) -> ClassMap:
-        """S_L of the index-th class on a grid of the whole volume, as large as it gets within each cell; 0 beyond the part.
+        """S_L of the index-th class on a grid of the whole volume: its largest value within each cell, 0 outside the part.
 
-        Where other classes alone have changed since it was asked for last, it is that one: where many are looked at, a click is
-        in the boxes of several. Refined maps do not follow from this one.
+        The last answer is returned again as long as the class's own request and the grid are the same, even if other classes
+        have changed: a click on one class often lies in the boxes of several. `refined_map` does not use this answer.
         """
         if self._last is None or self._last[:2] != (requests[index], cells):
             asked, place = self.requests(requests, index)
@@ -109,7 +110,7 @@ class Part:
         method: RefinementMethod,
         between: Between,
     ) -> RefinedMap:
-        """S_H of the index-th class on the whole volume of `shape` (K, J, I); 0 beyond the part. See `SegmentationSession`."""
+        """S_H of the index-th class on the whole volume of `shape` (K, J, I); 0 outside the part. See `SegmentationSession`."""
         asked, place = self.requests(requests, index)
         low = self.session.low_resolution_maps(asked, between)[place]
         refined = self.session.refined_map(low, asked, place, method, between)
@@ -120,8 +121,8 @@ class CloseUps:
     """The parts of a volume in which classes are looked at.
 
     Args:
-        volume: the whole.
-        open_part: a session on a part of it; None: there are no close-ups, and every class is looked at in the whole.
+        volume: the whole volume.
+        open_part: makes a session on a part of it; None: there are no close-ups, and all classes use the whole volume.
     """
 
     def __init__(self, volume: Volume, open_part: Callable[[Volume], PartSession] | None) -> None:
@@ -130,17 +131,17 @@ class CloseUps:
         self._parts: dict[str, Part | None] = {}
 
     def of(self, request: ClassRequest) -> Part | None:
-        """The part in which a class is looked at; None where it is looked at in the whole, if only until `load`."""
+        """The part in which a class is looked at; None if that is the whole volume, perhaps only until `load` is called."""
         return None if request.close_up is None else self._parts.get(self._name(request))
 
     def missing(self, requests: Sequence[ClassRequest]) -> list[ClassRequest]:
-        """The classes whose close-up is still to be loaded."""
+        """The requests of the classes whose close-ups have not been loaded yet."""
         if self._open_part is None:
             return []
         return [request for request in requests if request.close_up is not None and self._name(request) not in self._parts]
 
     def load(self, requests: Sequence[ClassRequest], progress: Progress) -> None:
-        """Have the features of all close-ups, a second or three of work each; those that nobody asks for are forgotten.
+        """Load the features of all close-ups, which takes one to three seconds each; close-ups of no class are forgotten.
 
         Raises:
             InputError, Cancelled: as `SegmentationSession.load_features`.
@@ -148,7 +149,7 @@ class CloseUps:
         wanted = {self._name(request) for request in requests if request.close_up is not None}
         self._parts = {name: part for name, part in self._parts.items() if name in wanted}
         for request in self.missing(requests):
-            # Any thread may look things up meanwhile.
+            # A new dictionary each time, because other threads read it meanwhile.
             self._parts = {**self._parts, self._name(request): self._loaded(request, progress)}
 
     def _loaded(self, request: ClassRequest, progress: Progress) -> Part | None:
@@ -157,7 +158,7 @@ class CloseUps:
         try:
             session = self._open_part(self._volume.part(box))
         except InputError:
-            return None  # Nothing in it can be told apart, or it has fewer voxels along its longest edge than a grid has cells.
+            return None  # It has a single intensity, or fewer voxels along its longest edge than a grid has cells.
         session.load_features(lambda done, total, what: progress(done, total, f"Looking closer at {request.name}"))
         session.prepare_clicks()
         return Part(box, session)
@@ -171,16 +172,17 @@ class CloseUps:
 
 
 def close_up_settings(settings: FeatureSettings, part: Geometry) -> FeatureSettings:
-    """How a part's features are extracted, where the whole's are by `settings`.
+    """Settings to extract a part's features with, given those of the whole volume.
 
-    No cell is shorter than a voxel's shortest edge: in thick slices, cells are as fine as what is seen within a slice.
+    The grid is made coarser where its cells would be smaller than a voxel's shortest edge. In scans with thick slices, cells
+    may therefore be as fine as the pixels of a slice.
 
     Args:
-        settings: of the whole.
-        part: the part's voxels.
+        settings: of the whole volume.
+        part: geometry of the part's voxels.
 
     Raises:
-        InputError: of the shortest edges there go fewer into the part's longest than a grid may have cells.
+        InputError: the part is so short that the grid would have fewer cells than a grid must have (`SMALLEST_GRID`).
     """
     most_cells = round(part.extent_mm.max() / part.spacing_mm.min()) if settings.isotropic else max(part.shape)
     patches = MOST_PATCHES if settings.most_patches is None else min(settings.most_patches, MOST_PATCHES)
@@ -188,10 +190,10 @@ def close_up_settings(settings: FeatureSettings, part: Geometry) -> FeatureSetti
 
 
 def largest_within(part: ClassMap, cells: Geometry) -> np.ndarray:
-    """The largest value of a map of a part of a volume within each cell of another grid, (K', J', I'); 0 beyond the part.
+    """The largest value of a part's map within each cell of another grid, (K', J', I') float32; 0 outside the part.
 
-    Their mean would be below the iso value throughout, where a structure is thinner than a cell. Where the cells are the
-    smaller ones, they have the value at their centre.
+    The mean would be below the iso value everywhere in a structure that is thinner than a cell. Cells that are smaller than
+    those of the part's map get the value at their centre.
     """
     largest = np.zeros(cells.shape, dtype=np.float32)
     np.maximum.at(largest, tuple(cells.nearest_voxels(part.geometry.voxel_centres_ras()).T), part.array.ravel())

@@ -1,6 +1,6 @@
-"""Folders for files that are on their way: only the user can enter them, and they go with the program that made them.
+"""Temporary folders that only the user can enter; they are removed when the program that made them ends.
 
-What one leaves that is killed, or whose computer goes down, goes when a program of ours next makes such a folder.
+If that program is killed, or the computer goes down, its folders are removed when one of our programs next makes such a folder.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from .file_lock import take_lock
 
 PREFIX = "vittf-"
 LOCK = ".vittf-lock"
-"""In each folder: locked as long as the program runs that made it."""
+"""A file in each folder, locked for as long as the program that made the folder runs."""
 YOUNG_S = 60.0
-"""The lock of a folder that is younger may just be about to be taken."""
+"""In a folder younger than this, the program that made it may not have taken the lock yet."""
 
 _NAME = re.compile(rf"{PREFIX}\w{{8}}")
 
 _tidied: set[Path] = set()
-"""Where this process has looked for what others left."""
+"""The places in which this process has already looked for abandoned folders."""
 
 
 class PrivateFolder(tempfile.TemporaryDirectory[str]):
-    """A new folder that only the user can enter; it goes with all that is in it, at the latest when the program ends.
+    """A new folder that only the user can enter; removed with its content, at the latest when the program ends.
 
     Args:
-        place: the folder to make it in; None: the one for temporary files.
+        place: the folder to make it in; None: the system's folder for temporary files.
     """
 
     def __init__(self, place: Path | None) -> None:
@@ -45,22 +45,22 @@ class PrivateFolder(tempfile.TemporaryDirectory[str]):
             _tidy(each)
 
     def cleanup(self) -> None:
-        """Remove it."""
+        """Remove the folder and its content."""
         if self._lock is not None:
-            # Windows removes no open file.
+            # Windows does not remove open files.
             os.close(self._lock)
             self._lock = None
         super().cleanup()
-        # Nor one that is being sent or compressed, say.
+        # Another file in it may still be open, because it is being sent or compressed, say.
         if Path(self.name).exists():
             atexit.register(shutil.rmtree, self.name, ignore_errors=True)
 
 
 def private_folder(place: Path | None = None) -> PrivateFolder:
-    """Make one; see `PrivateFolder`.
+    """Make a `PrivateFolder`.
 
     Raises:
-        InputError: it cannot be made: the disk is full, say.
+        InputError: it cannot be made, for example because the disk is full.
     """
     try:
         return PrivateFolder(place)
@@ -72,7 +72,7 @@ def private_folder(place: Path | None = None) -> PrivateFolder:
 
 
 def _tidy(place: Path) -> None:
-    """Remove what programs of ours left that run no more; once in each process."""
+    """Remove the folders that programs which have ended left behind in `place`; once in each process."""
     if place in _tidied:
         return
     _tidied.add(place)
@@ -83,7 +83,7 @@ def _tidy(place: Path) -> None:
 
 
 def _is_left(folder: Path) -> bool:
-    """Whether a folder is this user's, and of a program that has ended."""
+    """Whether a folder belongs to this user, and was made by a program that has ended."""
     with suppress(OSError):
         if not (_is_ours(folder) and stat.S_ISDIR(folder.lstat().st_mode) and _is_ours(folder / LOCK)):
             return False

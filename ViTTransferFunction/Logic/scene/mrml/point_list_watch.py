@@ -1,4 +1,4 @@
-"""What happens to lists of points in the scene, by whomever: Slicer's many events, told as the few things that they mean."""
+"""Watches lists of points in the scene, whoever changes them, and reduces Slicer's many events to the four that matter."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from .observers import SceneObservers
 
 
 class PointListWatch:
-    """Watches lists, and calls back with the list to which something has happened.
+    """Watches lists of points, and calls one of four functions with the list that has changed.
 
     Args:
         on_placed: a point was placed.
-        on_step: something else has begun or ended that users take for one step: dragging a point, or deleting it.
-        on_passing: a list changes a little at a time: a point is being dragged, a colour being chosen, say.
-        on_displayed: a list is new, or displayed otherwise.
+        on_step: something else began or ended that is one step to the user: a point was grabbed, let go or deleted.
+        on_passing: the list changed as one of a quick succession of changes, for example while a point is dragged or a colour
+            is chosen.
+        on_displayed: the list is new, or is displayed differently.
     """
 
     def __init__(
@@ -32,13 +33,13 @@ class PointListWatch:
         self._on_passing = on_passing
         self._on_displayed = on_displayed
         self._observers = SceneObservers()
-        # Of points that there are, and of those that were placed.
+        # For each list, the number of its points, and of those among them that have a position.
         self._counts: dict[slicer.vtkMRMLMarkupsFiducialNode, tuple[int, int]] = {}
 
     def watch(self, lists: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
-        """Watch these lists, and no others, for whatever makes them other than they are now.
+        """Watch these lists and no others; changes are counted from their present state.
 
-        To be called again whenever it is known what has become of them.
+        Call it again after each change has been taken in.
         """
         for points in lists:
             self._observers.observe(points, self._reactions())
@@ -49,7 +50,7 @@ class PointListWatch:
 
     @property
     def observer_count(self) -> int:
-        """How many observers of lists there are."""
+        """The number of observers on lists."""
         return self._observers.count
 
     def close(self) -> None:
@@ -69,12 +70,12 @@ class PointListWatch:
         ]
 
     def _on_moved(self, points: slicer.vtkMRMLMarkupsFiducialNode) -> None:
-        """A point was dragged, say; one that hangs on the mouse, or is just being added, is heard of when it is placed."""
+        """A point was moved. One that hangs on the mouse or is being added does not count yet: `on_placed` follows."""
         count, before = self._counts.get(points, (0, 0))
         placed = points.GetNumberOfDefinedControlPoints()
         if count != points.GetNumberOfControlPoints() or placed != points.GetNumberOfDefinedControlPoints(True):
             return
-        # Slicer's table of points can unset one, and restore it without saying that it is placed.
+        # Slicer's table of points can unset a point, and set it again without the event for a placed point.
         if placed > before:
             self._on_placed(points)
         elif placed < before:

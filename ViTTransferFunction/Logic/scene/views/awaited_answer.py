@@ -1,4 +1,4 @@
-"""The answer that views wait for: where drawing takes its time, it is seen sooner if they are not drawn before it is there."""
+"""Which views wait for an answer: where drawing is slow, the answer is seen sooner if they are not drawn before it comes."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Literal
 from ...compute.proxy import SegmentationProxy
 
 Waiting = Literal["none", "3D", "all"]
-"""Views that had better not be drawn for the moment: all, until the answer to a click is there; 3D views, until theirs is."""
+"""Views that should not be drawn yet: all until the answer to a click is there, and 3D views until the rendering is."""
 
 
 class AwaitedAnswer:
-    """Says which views may wait.
+    """Tells the front end which views should wait.
 
     Args:
         proxy: knows which answers are under way.
-        have_views_wait: called with the views that may wait, each time anew.
+        have_views_wait: called with the views that should wait now; each call replaces the one before.
     """
 
     def __init__(self, proxy: SegmentationProxy, have_views_wait: Callable[[Waiting], None]) -> None:
@@ -25,16 +25,16 @@ class AwaitedAnswer:
         self._shown_at_once = False
 
     def tell(self) -> None:
-        """Say it as it is now."""
+        """Tell the front end which views should wait at the moment."""
         self._have_views_wait(self._waiting)
 
     def show_before(self, show: Callable[[], bool]) -> None:
-        """Something was asked for: have shown what is known without the answer.
+        """Show what can be shown before the answer to a new request is there.
 
         Args:
-            show: returns whether slice views have something else to show by that; then they do not wait for the answer.
+            show: shows it, and returns whether this changed what slice views show; if so, they do not wait for the answer.
         """
-        self._shown_at_once = True  # Until it is known.
+        self._shown_at_once = True  # Slice views must not wait before `show` has decided.
         self.tell()
         self._shown_at_once = show()
         self.tell()
