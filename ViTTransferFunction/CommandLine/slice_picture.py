@@ -38,7 +38,7 @@ class PicturePoint:
     Attributes:
         position_ras: (3,) RAS millimetres.
         segment: index of the segment that it belongs to.
-        positive: whether it says "this is the class" rather than "this is not".
+        positive: whether the point lies inside the class, not outside.
     """
 
     position_ras: np.ndarray
@@ -74,11 +74,11 @@ def draw_slices(
 ) -> np.ndarray:
     """Draw the axial, coronal and sagittal plane side by side, segments filled and outlined in their colours, with a legend.
 
-    The planes pass where most segments are widest, and annotated. Segments without voxels stay in the legend.
+    The planes pass where most segments have a large area or points. Segments without voxels stay in the legend.
 
     Args:
         volume: the intensities, shown in grey.
-        segments: what to show on top; later ones over earlier ones. May be empty.
+        segments: the segments to show on top, later ones over earlier ones. May be empty.
         window: intensities shown black and white.
         points: annotations; those close to a plane are marked, positive ones by a disc, negative ones by a disc with a bar.
         width: the picture's width in pixels; its height follows from the volume's shape.
@@ -160,15 +160,15 @@ def _centre(
 ) -> np.ndarray:
     """RAS position (3,) through which the planes pass.
 
-    Along each axis it is where the segments' areas, each as a share of its largest, and the annotated points add up to most;
-    the box's middle where there is nothing to show.
+    Along each axis, it is where the segments' areas, each relative to its largest, and a quarter for each point have the
+    largest sum; without segments and points, it is the middle of the box.
     """
     bin_mm = float(geometry.spacing_mm.max())
     counts = np.maximum(np.ceil((high - low) / bin_mm).astype(int), 1)
     scores = [np.zeros(count) for count in counts]
     for segment in segments:
         areas = [np.zeros(count, dtype=int) for count in counts]
-        # Slice by slice: a hundred bytes of each voxel of a body would be many times as much as the scan.
+        # Slice by slice: about a hundred bytes for each voxel of a large segment would be many times the size of the scan.
         for k in np.flatnonzero(segment.mask.any(axis=(1, 2))):
             j, i = np.nonzero(segment.mask[k])
             positions = geometry.ijk_to_ras_points(np.stack([i, j, np.full_like(i, k)], axis=1))
@@ -188,7 +188,7 @@ def _bins(values: np.ndarray, low: float, bin_mm: float, count: int) -> np.ndarr
 
 
 def _panel_sizes(extent: np.ndarray, width: int) -> list[tuple[int, int]]:
-    """Width and height of each plane's panel: all equally high, together `width` wide, none too narrow to be read."""
+    """Width and height of each plane's panel: all of the same height, together `width` wide, none too narrow to be legible."""
     aspects = np.array([extent[plane.right[0]] / extent[plane.up[0]] for plane in _PLANES]).clip(0.4, 2.5)
     height = width / aspects.sum()
     return [(int(aspect * height), int(height)) for aspect in aspects]
@@ -230,7 +230,7 @@ class _Section:
         last = np.array(geometry.shape)[:, None] - 1
         # Border voxels reach half a voxel beyond their centres.
         self.outside = ((kji < -0.5) | (kji > last + 0.5)).any(axis=0)
-        # Only the slab of voxels that the plane passes through is ever looked at.
+        # Only the slab of voxels that the plane passes through is read.
         first = np.clip(np.floor(kji.min(axis=1)), 0, last[:, 0]).astype(int)
         end = np.clip(np.ceil(kji.max(axis=1)), 0, last[:, 0]).astype(int) + 1
         self.slab = tuple(slice(a, b) for a, b in zip(first, end, strict=True))
@@ -274,7 +274,7 @@ def _draw_point(canvas: Canvas, x: float, y: float, segment: PictureSegment, pos
 
 
 def _draw_letters(canvas: Canvas, panel: _Panel, text_size: int, decimals: int) -> None:
-    """The patient's directions at the panel's edges, and which plane it is in the corner, in millimetres with `decimals`."""
+    """Write the patient's directions at the panel's edges, and the plane's name and position (with `decimals`) in a corner."""
     plane, margin = panel.plane, 0.9 * text_size
     left, right = SIDES[plane.right[0]][:: plane.right[1]]
     bottom, top = SIDES[plane.up[0]][:: plane.up[1]]

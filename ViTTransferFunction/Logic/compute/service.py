@@ -1,4 +1,4 @@
-"""What the compute process can be asked for: a `SegmentationSession`, behind typed requests."""
+"""Serves the requests to the compute process, with a `SegmentationSession`."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ from .shown_maps import Shown, on_one_box
 
 @dataclass(frozen=True, eq=False)
 class _Segmented:
-    """A segmentation, what it was asked for, and its maps where they matter; see `_segment`."""
+    """A segmentation, the request for it, and its maps, cropped to the boxes that matter; see `_segment`."""
 
     asked: tuple[tuple[ClassRequest, ...], Refinement, tuple[str, ...]]
     segmentation: Segmentation
@@ -69,12 +69,13 @@ class SegmentationService:
     """Serves requests about one volume, one after the other; `ComputeMaps` may be served by another thread at the same time.
 
     Args:
-        progress: called with the work of every other request; may raise `Cancelled`, after which the next request is served as
-            if the cancelled one had not been made, but for the coarser features that it got to.
-        on_coarse: called whenever there are coarser or finer features while the final ones are still computed.
-        between_points: called before what `ComputeMaps` needs of each new point; may raise `Cancelled` as well.
+        progress: called during all requests but `ComputeMaps`; may raise `Cancelled`. The next request is then served as if the
+            cancelled one had not been made, except that coarse features which it computed can be used.
+        on_coarse: called whenever coarse or finer features are ready while the final ones are still computed.
+        between_points: called before `ComputeMaps` computes what it needs of each new point; may raise `Cancelled` as well.
         on_preparable: called whenever `prepare_clicks` has something new to do.
-        on_first_map: is given the map of the class that is waited for, before those of the others; they are replied without it.
+        on_first_map: called with the map of the class that the user waits for, before the others are computed; the reply then
+            has only the others.
     """
 
     def __init__(
@@ -119,15 +120,15 @@ class SegmentationService:
         return self._handlers[type(request)](request)
 
     def prepare_clicks(self) -> None:
-        """Compute ahead what the first click would wait for; by the thread that serves `ComputeMaps`."""
+        """Compute in advance what the first click would wait for. To be called by the thread that serves `ComputeMaps`."""
         session = self._session
         if session is not None:
-            # What fails here fails again where a click asks for it, and is told then.
+            # An error here occurs again when a click needs the same, and is reported then.
             with suppress(Exception):
                 session.prepare_clicks()
 
     def _take_volume(self, request: TakeVolume) -> Taken:
-        # First, since a volume that is refused leaves none.
+        # Before the new one is made: if it is refused, there must be no volume.
         self._forget()
         self._volume = Volume(request.array, request.geometry, request.name)
         return Taken(self._volume.digest.hex())
@@ -142,7 +143,7 @@ class SegmentationService:
 
     def _prepare(self, request: Prepare) -> FeatureEstimate:
         self._session = self._segmented = None
-        # Whoever lets weights be downloaded was asked before, and told where no hash is published (`WeightsDownload`).
+        # Front ends ask the user before they allow a download, and say if no hash is published (`WeightsDownload`).
         session = open_session(
             self._the_volume, request.settings, networks=self._networks, trust=lambda *_: True, ask_first=True
         )
@@ -152,7 +153,7 @@ class SegmentationService:
 
     def _extract(self, request: Extract) -> Loaded:
         session = self._the_session
-        # Coarse features, whose finer ones were cancelled before, may have been segmented.
+        # It may be a segmentation from coarse features, if the computation of finer ones was cancelled before.
         self._segmented = None
         self._on_preparable()
         provenance = session.load_features(self._progress, self._on_coarse and self._tell_of_coarse)
@@ -170,7 +171,7 @@ class SegmentationService:
 
     def _compute_maps(self, request: ComputeMaps) -> Maps:
         session = self._the_session
-        # Asked before: what is loaded meanwhile is not in these maps.
+        # Asked before the maps are computed: close-ups that are loaded meanwhile are not in these maps.
         awaiting = session.awaiting_close_ups(request.classes)
         told: list[ClassMap] = []
 
@@ -205,7 +206,7 @@ class SegmentationService:
         shown = self._shown_maps(request.refined)
         isos = [each.iso for each in shown]
         maps, box, shape = on_one_box(shown, scan.shape, request.surroundings)
-        # Often, so that a click that comes meanwhile is not slowed for longer than it has to be.
+        # Called often, so that a click that comes meanwhile is not slowed down for long.
         between = partial(self._progress, len(maps), len(maps), COMPOSING)
         intensities = session.volume.array[box]
         if request.mode == "similarity":
@@ -215,7 +216,7 @@ class SegmentationService:
         between()
         levels, hounsfield = self._known_intensities()
         shape = composition.shape
-        # Renderers take time for each pixel of the volume's box.
+        # Without surroundings, a smaller box: renderers take time for each pixel that the box covers.
         part = whole_box(shape) if request.surroundings else composition.crop()
         gray = gray_levels(intensities, levels, shape, part)
         between()
@@ -225,21 +226,21 @@ class SegmentationService:
         return structure_volume(voxels, len(maps), levels, geometry, scan, hounsfield=hounsfield)
 
     def _known_intensities(self) -> tuple[np.ndarray, bool]:
-        """The volume's grey levels, and whether it has Hounsfield units; found once, since that takes a look at many voxels."""
+        """The volume's grey levels, and whether it has Hounsfield units; found once, since many voxels are read for it."""
         if self._intensities is None:
             volume = self._the_volume
             self._intensities = intensity_levels(volume), looks_like_hounsfield_units(volume)
         return self._intensities
 
     def _shown_maps(self, refined: Sequence[bool]) -> list[Shown]:
-        """The maps that were replied last: S_H where `refined`, and there is one, else S_L."""
+        """The maps of the last `ComputeMaps`: for each class, S_H if `refined` and if it is known, else S_L."""
         maps = self._maps
         _check_are_of(maps, refined)
         fine = self._segmented.crop_of if self._segmented is not None else {}
         return [fine.get(id_, low) if is_refined else low for (id_, low), is_refined in zip(maps.items(), refined, strict=True)]
 
     def _segment(self, classes: tuple[ClassRequest, ...], refinement: Refinement) -> _Segmented:
-        """The segmentation of these classes, made once for the same request; close-ups count that there are by now."""
+        """The segmentation of these classes, made again only if the request differs or close-ups have been loaded since."""
         known, asked = self._segmented, (classes, refinement, self._the_session.awaiting_close_ups(classes))
         if known is None or known.asked != asked:
             crops = SegmentCrops()
@@ -263,13 +264,13 @@ class SegmentationService:
 
 
 def _check_are_of(maps: Collection[Any], classes: Sequence[Any]) -> None:
-    """Raises Cancelled where the maps that were replied last are of more or fewer classes by now: a click has given this up."""
+    """Raise Cancelled if the last maps are of more or fewer classes: a later click has made this request obsolete."""
     if len(maps) != len(classes):
         raise Cancelled
 
 
 def cropped_labels(labels: np.ndarray, classes: int) -> Labels:
-    """A label map (K, J, I) of a volume, cut down to the box that its classes fill; one byte a voxel where that is enough."""
+    """A label map (K, J, I) of a volume, cropped to the box that its classes fill; one byte a voxel for up to 255 classes."""
     box = bounding_box(labels) or (slice(0, 0), slice(0, 0), slice(0, 0))
     k, j, i = (extent.start for extent in box)
     return Labels(np.ascontiguousarray(labels[box], np.uint8 if classes < 256 else np.uint16), (k, j, i))

@@ -1,4 +1,4 @@
-"""The features of one volume: what they will cost, and getting them, out of the cache or by computing them."""
+"""The features of one volume: estimates their cost, and gets them from the cache or computes them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     import torch
 
 CLICK_BYTES_PER_CELL = 600
-"""Measured: what is prepared for clicks of the intensities (180), and of the coarse features or the fine ones (400)."""
+"""Measured: what is prepared for clicks from the intensities (180), and from the coarse or the fine features (400)."""
 
 logger = logging.getLogger(__name__)
 
@@ -44,11 +44,11 @@ class FeatureProvenance:
     """Where features come from.
 
     Attributes:
-        weights: what they were computed with.
-        device: what they were computed on, or would have been.
-        precision: in which they were computed.
+        weights: the weights that they were computed with.
+        device: the device that they were computed on, or would have been if they had not been cached.
+        precision: the precision in which they were computed.
         cached: whether they were found in the cache.
-        not_kept: why they are not there the next time, for the user; "" where they are.
+        not_kept: why they could not be stored in the cache, as a sentence for the user; "" if they are stored.
     """
 
     weights: WeightsFile
@@ -59,22 +59,23 @@ class FeatureProvenance:
 
 
 class FeatureSource:
-    """Opens the network, and hashes volume and weights, once for estimate and extraction together.
+    """Estimates and gets a volume's features; opens the network and hashes volume and weights only once for both.
 
     Args:
         volume: intensities and geometry.
         settings: grid and sampling.
         statistics: how the features are normalised.
-        model: to compute the features with.
+        model: the model to compute the features with.
         weights_path: the user's own file or folder of weights; None: as `find_weights` finds them.
-        device_name: one of `DEVICE_NAMES`, to compute on.
-        cache: where features are kept between sessions.
-        networks: that are open already.
+        device_name: the device to compute on, one of `DEVICE_NAMES`.
+        cache: keeps features between sessions.
+        networks: the networks that are open already.
         trust: asked about downloaded weights whose hash nobody publishes (`find_weights`).
-        ask_first: whether weights are downloaded only if the last estimate told of that, so that its user could be asked.
+        ask_first: whether weights may be downloaded only if the last estimate announced the download, so that the user could be
+            asked.
 
     Attributes:
-        provenance: where the features come from that were got last; None before.
+        provenance: where the last features came from; None before there are any.
     """
 
     def __init__(
@@ -110,10 +111,10 @@ class FeatureSource:
         return self._volume.geometry.resized(grid_shape(self._volume.geometry, self._settings))
 
     def estimate(self, coarse_first: bool) -> FeatureEstimate:
-        """What the features will cost; a second or two of work where they have to be computed.
+        """What the features will cost. Takes a second or two if they are not in the cache.
 
         Args:
-            coarse_first: whether coarser features are wanted meanwhile, to click on.
+            coarse_first: whether coarse features are wanted first, to answer clicks meanwhile.
 
         Raises:
             InputError: the weights are not those of the model, or this computer has no such device.
@@ -147,11 +148,11 @@ class FeatureSource:
 
         Args:
             progress: called with bytes downloaded and slices done.
-            coarse_first: whether coarser features are wanted meanwhile (`progressive_features`).
+            coarse_first: whether coarse features are wanted first (`progressive_features`).
 
         Yields:
-            Features of ever finer detail; the last are the final ones. They are in the cache when the iteration ends. Where the
-            memory of a graphics card is not enough, or it does not compute rightly, the processor begins anew.
+            Features of ever finer detail; the last are the final ones. They are in the cache when the iteration ends. If a
+            graphics card runs out of memory or gives wrong results, the processor begins again with the first features.
 
         Raises:
             InputError: weights or device are not to be had, the weights do not fit, memory is not enough, or the cache's
@@ -186,11 +187,10 @@ class FeatureSource:
         network = self._networks.network(weights, self._device)
         self._check_room()
         if coarse_first:
-            for features in progressive_features(self._volume, network, self._settings, progress):
-                normalised = normalised_features(features, self._statistics)
-                yield normalised
+            stages = progressive_features(self._volume, network, self._settings, progress)
         else:
-            features = extract_features(self._volume, network, self._settings, progress)
+            stages = iter([extract_features(self._volume, network, self._settings, progress)])
+        for features in stages:
             normalised = normalised_features(features, self._statistics)
             yield normalised
         self.provenance = replace(self.provenance, not_kept=self._cache.put(normalised.source))
@@ -200,24 +200,24 @@ class FeatureSource:
         return find_weights(name, path, allow_download=may_download, trust=self._trust, progress=progress)
 
     def _check_room(self) -> None:
-        """Raise InputError where the disk has no room for the features in the cache."""
+        """Raise InputError if the disk has no room for the features in the cache."""
         try:
             self._cache.check_room(self._size_bytes)
         except InputError:
-            # As a rule there are far fewer patches than cells. How many takes a moment to tell, which a first answer waits for.
+            # Usually there are far fewer patches than cells, but to count them would delay the first answer a little.
             self._cache.check_room(kept_size_bytes(self._volume, self._settings, self._model))
 
     def _cached(self, key: str) -> NormalisedFeatures | None:
-        """The features out of the cache; None where it has none of them, or others in their place."""
+        """The features from the cache; None if it has none, or if their grid is not the expected one."""
         features = self._cache.get(key)
         if features is None or features.cells.shape != self.cells.shape:
             return None
         return normalised_features(features.placed_in(self._volume.geometry), self._statistics)
 
     def _leave_device(self, error: Exception) -> None:
-        """Take the processor, where a graphics card ran out of memory or is not sound; anything else is raised again.
+        """Change to the processor if a graphics card ran out of memory or gives wrong results; raise any other error again.
 
-        All is computed in the processor's own precision then, and kept under its key.
+        All features are then computed in the processor's own precision, and cached under the key of that precision.
         """
         import torch
 
@@ -234,7 +234,7 @@ class FeatureSource:
 
     @cached_property
     def _known_weights(self) -> WeightsFile | None:
-        """The weights, if they are here; if not, what is published of them; None where nothing is."""
+        """The weights if they are on this computer, else the published file to come; None if its hash is not published."""
         try:
             return find_weights(self._model.name, self._weights_path, allow_download=False)
         except WeightsUnavailable:
@@ -245,7 +245,7 @@ class FeatureSource:
 
     @property
     def _download(self) -> WeightsDownload | None:
-        """How the model's weights come here; None where nobody publishes them."""
+        """The download of the model's weights; None if nobody publishes them as a file."""
         model = self._model
         if model.url is None:
             return None
@@ -253,7 +253,7 @@ class FeatureSource:
         return WeightsDownload(model.name, model.licence, model.homepage, model.url, str(target), model.size_mb, model.sha256)
 
     def _clicked_bytes(self, coarse_first: bool) -> int:
-        """Memory for clicks on the coarse features while the fine ones are computed, until these take their place."""
+        """Memory for answering clicks from coarse features while the fine ones are computed, and until these replace them."""
         if not coarse_first:
             return 0
         normalised = normalised_size_bytes(self.cells, self._model.embed_dim, self._statistics)

@@ -21,16 +21,16 @@ WEIGHTS_VARIABLE = "VITTF_WEIGHTS"
 """Environment variable that names a weights file, or a folder of them."""
 
 Trust = Callable[[PretrainedModel, str], bool]
-"""Whether a file is to be used, from now on, as a model's weights: the model, and the file's hexadecimal SHA-256."""
+"""From a model and the hexadecimal SHA-256 of a file to whether this file may be used as its weights, now and later."""
 
 _SIZE_TOLERANCE = 2
-"""Sizes are rounded, and may change with a new release of the file; by more than this factor, it is another file."""
+"""Published sizes are rounded, and may change with a new release. A file larger by more than this factor is another one."""
 
 _logger = logging.getLogger(__name__)
 
 
 class WeightsUnavailable(InputError):
-    """The weights are not on this computer and could not be fetched. Another model's may still be had."""
+    """The weights are not on this computer and could not be downloaded. Those of another model may be available."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class WeightsFile:
     """A weights file that was found.
 
     Attributes:
-        path: where it is.
+        path: path of the file.
         sha256: hexadecimal hash of its content.
-        model: what it holds the weights of.
-        origin: which source it came from, in words.
+        model: the model whose weights it holds.
+        origin: the source that it came from, in words.
     """
 
     path: Path
@@ -61,19 +61,19 @@ def find_weights(
     """The weights of a model, from the first source that has them.
 
     The sources are, in this order: `path`; the file or folder that `VITTF_WEIGHTS` names; the cache; the official address,
-    where there is one. In a folder, the file is called as its publisher calls it, `<model name>.pt`, `.pth` or `.safetensors`.
+    if there is one. In a folder, the file must have its publisher's name, or `<model name>.pt`, `.pth` or `.safetensors`.
 
     Args:
         model_name: a key of `PRETRAINED_MODELS`.
         path: the user's own file, or a folder with it. A file of unknown hash is accepted, and its hash logged.
         allow_download: whether the network may be used.
-        trust: asked about a downloaded file whose hash is neither published nor known from before; without it, such weights
-            are not downloaded.
+        trust: asked about a downloaded file whose hash is neither published nor known from an earlier download; if None, such
+            weights are not downloaded.
         progress: called with bytes while downloading; may raise to cancel, which leaves nothing behind.
 
     Raises:
         WeightsUnavailable: no source has them. The message says how to get them and where to put them.
-        InputError: unknown model; `path` is not there or holds another model; a file has the wrong hash or cannot be written.
+        InputError: unknown model; `path` does not exist or holds another model; a file has the wrong hash or cannot be written.
     """
     model = pretrained_model(model_name)
     given = _given_file(model, path)
@@ -95,7 +95,7 @@ def fetch_weights(
     trust: Trust | None = None,
     progress: Progress = no_progress,
 ) -> WeightsFile:
-    """The weights of a model out of the cache, which is filled from the network if need be.
+    """The weights of a model from the cache; if they are not there, they are downloaded into it.
 
     Arguments and errors are those of `find_weights`.
     """
@@ -111,7 +111,7 @@ def fetch_weights(
         raise _unavailable(model, target, "their publisher gives them only to those who agree to its licence")
     if model.url is None:
         raise _unavailable(model, target, "nobody publishes them as a file")
-    # A remembered hash outlives its file: what is downloaded in its place must be the same.
+    # A remembered hash outlives its file: a new download must have the same hash.
     expected = next(iter(trusted_hashes(model, target)), None)
     if expected is None and trust is None:
         look = f"'vittf weights get {model.name}' shows that of the file and asks whether to trust it"
@@ -123,17 +123,17 @@ def fetch_weights(
 
 
 def identify_model(path: str | Path | None = None) -> str | None:
-    """Name of the model whose weights the user's file holds, by its hash, else by the file's name.
+    """Name of the model whose weights the user's file holds, recognised by the file's hash, else by its name.
 
     Args:
-        path: the user's file, or a folder that has the file of one model alone, by its name; None for the file that
-            `VITTF_WEIGHTS` names, whose folder is only a place to look in.
+        path: the user's file, or a folder that holds files of one model only; None for the file that `VITTF_WEIGHTS` names. If
+            that names a folder, it identifies no model, because it is only a place to look in.
 
     Returns:
-        None where there is no such file, or neither hash nor name is known.
+        None if there is no such file, or neither its hash nor its name is known.
 
     Raises:
-        InputError: a file is named that is not there.
+        InputError: the file or folder does not exist.
     """
     source, _ = _given_source(path)
     if source is None:
@@ -145,10 +145,10 @@ def identify_model(path: str | Path | None = None) -> str | None:
 
 
 def files_of_environment() -> dict[str, Path]:
-    """The files that `VITTF_WEIGHTS` supplies, which come before those of the cache, by the names of the models whose they are.
+    """The files that `VITTF_WEIGHTS` supplies, by model name; they take precedence over those of the cache.
 
     Raises:
-        InputError: it names a file that is not there.
+        InputError: the variable names a file or folder that does not exist.
     """
     source, _ = _given_source(None)
     if source is None:
@@ -161,12 +161,12 @@ def files_of_environment() -> dict[str, Path]:
 
 
 def offered_models() -> list[str]:
-    """Names of the models that a user can choose: those that can be downloaded or asked for, or are here already.
+    """Names of the models that a user can choose: those that can be downloaded or requested, or are on this computer.
 
-    Another model is here where `VITTF_WEIGHTS` or the cache has its file, by its name.
+    A model is on this computer if the folder or file of `VITTF_WEIGHTS` or the cache has a file with its name.
     """
     here: set[str] = set()
-    # A folder that there cannot be holds none; when weights are needed, a message says so.
+    # A folder that cannot exist holds no weights. The user is told when weights are needed.
     with suppress(InputError):
         here |= set(_models_in(weights_folder()))
     with suppress(InputError):
@@ -191,7 +191,7 @@ def _given_file(model: PretrainedModel, path: str | Path | None) -> WeightsFile 
                 f"{source} holds no weights of '{model.name}'; expected a file {' or '.join(file_names(model))}."
                 f"{_other_models(source)}"
             )
-        # The variable's folder is a place to look in, such as a share of the department: the cache comes next.
+        # The variable's folder is only a place to look in, such as a department's shared drive. The cache is the next place.
         return None
     sha256 = sha256_of(file)
     _check_may_be(model, file, sha256, origin)
@@ -199,7 +199,7 @@ def _given_file(model: PretrainedModel, path: str | Path | None) -> WeightsFile 
 
 
 def _other_models(folder: Path) -> str:
-    """A sentence that says whose weights a folder holds instead, to follow others; "" where it holds none."""
+    """A sentence, to append to a message, about the models whose weights a folder holds; "" if it holds none."""
     there = [f"'{name}'" for name in _models_in(folder)]
     if not there:
         return ""
@@ -210,14 +210,14 @@ def _other_models(folder: Path) -> str:
 
 
 def _models_in(source: Path) -> list[str]:
-    """Names of the models whose weights a folder holds, or a file, by the files' names."""
+    """Names of the models whose weights a folder or file holds, judging by file names."""
     if source.is_file():
         return [model.name for model in PRETRAINED_MODELS.values() if source.name in file_names(model)]
     return [model.name for model in PRETRAINED_MODELS.values() if file_in(source, model) is not None]
 
 
 def _given_source(path: str | Path | None) -> tuple[Path | None, str]:
-    """The existing file or folder that the user names, None where he names none, and how he names it."""
+    """The existing file or folder that the user names (None if none is named), and how it is named, in words."""
     origin = "given path" if path is not None else WEIGHTS_VARIABLE
     named = path if path is not None else os.environ.get(WEIGHTS_VARIABLE)
     if not named:

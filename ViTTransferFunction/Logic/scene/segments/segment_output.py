@@ -1,4 +1,4 @@
-"""From the wish to have segments to segments in the scene, without the event loop standing still in between."""
+"""Turns labels into segments of the scene, a little at a time, so that the event loop is never blocked."""
 
 from __future__ import annotations
 
@@ -24,20 +24,21 @@ from .terminology import StandardCodes
 from .written_segments import written_classes
 
 WRITING = "Writing segments"
-"""What `progress` is about, once labels are there."""
+"""What `progress` names while segments are prepared from labels."""
 
 
 class SegmentOutput:
-    """Finds out which segments were corrected by hand, and writes segments, each a little at a time.
+    """Finds out which segments were corrected by hand, and writes segments; both a little at each call of `advance`.
 
-    It ends where a node that it is about leaves the scene; quietly where that is the volume, with which all goes that is shown.
+    The work ends early if one of its nodes leaves the scene: with an error if it was the segmentation, silently if it was the
+    volume, since all that is shown goes with that.
 
     Args:
         scene: the scene.
         app_logic: the application's logic.
-        parameters: say which volume and segmentation, and whether other segments are respected.
-        classes: tells the classes as they are.
-        report: gets what the user should know of the segments that were written: which of them are empty, or nearly, and why.
+        parameters: give the volume, the segmentation, and whether other segments are respected.
+        classes: returns the present classes.
+        report: called with a message for the user if some of the written segments are empty, or lack most of their voxels.
     """
 
     def __init__(
@@ -53,7 +54,7 @@ class SegmentOutput:
         self._parameters = parameters
         self._classes = classes
         self._report = report
-        # What runs, and what is done when it is finished: together, since both hold voxels.
+        # The running work, and what to do when it is finished: one attribute, so that both free their voxels at once.
         self._running: tuple[_Work, Callable[[], None]] | None = None
         self._corrected: tuple[str, ...] = ()
         self._written = False
@@ -65,11 +66,11 @@ class SegmentOutput:
 
     @property
     def progress(self) -> WorkProgress | None:
-        """Of what runs."""
+        """Progress of the running work; None if there is none."""
         return self._running[0].progress if self._running else None
 
     def find_corrections(self, if_none: Callable[[], None]) -> None:
-        """Begin to look for corrected segments; `if_none` is called where there are none, else `take_corrected` names them."""
+        """Begin to look for corrected segments: afterwards, `take_corrected` has their names, or `if_none` is called."""
         self.cancel()
         node = self._parameters.segmentation
         if node is None:
@@ -96,19 +97,19 @@ class SegmentOutput:
         corrections: Corrections,
         source: str,
     ) -> None:
-        """Begin to turn labels into segments of the classes that are still there.
+        """Begin to turn labels into segments of those of the classes that still exist.
 
         Segments of classes that are gone, or have no positive point any more, are removed unless they were corrected.
 
         Args:
-            node: that gets the segments; None: a new one, which is chosen then.
-            labels: of the volume.
-            class_ids: what its labels 1, 2, … stand for.
-            corrections: what becomes of segments that were corrected by hand.
-            source: what the labels were made from (`WrittenSegments.source_now`).
+            node: the segmentation to write to; None: a new one, which becomes the chosen one.
+            labels: the volume's labels.
+            class_ids: the ids of the classes with the labels 1, 2, ….
+            corrections: what to do with segments that were corrected by hand.
+            source: identifies what the labels were made from (`WrittenSegments.source_now`).
 
         Raises:
-            InputError: they cannot be written there.
+            InputError: the segments cannot be written to this segmentation.
         """
         self.cancel()
         there = {state.id for state in self._classes()}
@@ -142,7 +143,7 @@ class SegmentOutput:
         self._running = preparation, on_prepared
 
     def advance(self) -> None:
-        """Go on for some milliseconds. Raises InputError where segments can no longer be written there. What raises is over."""
+        """Work for some milliseconds. Raises InputError if segments can no longer be written. Any error ends the work."""
         if self._running is None:
             return
         work, then = self._running
@@ -159,18 +160,18 @@ class SegmentOutput:
         try:
             finished = work.advance()
         except BaseException:
-            self._running = None  # What a defect raises is raised once.
+            self._running = None  # So that the next call does not raise the same again.
             raise
         if finished:
             self._running = None
             then()
 
     def cancel(self) -> None:
-        """Stop; nothing has changed."""
+        """Stop the running work; the scene has not changed."""
         self._running, self._corrected = None, ()
 
     def _annotated(self) -> set[str]:
-        """Ids of the classes that a segment can be made of."""
+        """Ids of the classes with a positive point, of which segments can be made."""
         return {state.id for state in self._classes() if state.positive}
 
     def _on_searched(self, search: _CorrectionSearch, if_none: Callable[[], None]) -> None:
@@ -187,7 +188,7 @@ class SegmentOutput:
 
 
 def _about_missing_voxels(written: PreparedSegments, looks: Mapping[str, ClassLook]) -> Iterator[str]:
-    """What to tell the user of classes whose segments have no voxel, or few of theirs."""
+    """Messages for the user about classes whose segments are empty, or lack most voxels since other segments have them."""
     empty, taken = set(written.empty), set(written.mostly_taken)
     for ids, text in ((empty - taken, empty_text), (empty & taken, taken_text), (taken - empty, mostly_taken_text)):
         if ids:
@@ -195,12 +196,12 @@ def _about_missing_voxels(written: PreparedSegments, looks: Mapping[str, ClassLo
 
 
 class _Work(Protocol):
-    """Something that is done a little at a time, about some nodes of the scene."""
+    """Work that is done a little at a time, and that needs some nodes of the scene."""
 
     nodes: tuple[Any, ...]
 
     def advance(self) -> bool:
-        """Go on; returns whether it is finished."""
+        """Do some of the work; returns whether it is finished."""
 
     @property
     def progress(self) -> WorkProgress:
@@ -230,12 +231,12 @@ class _CorrectionSearch:
 
     @property
     def progress(self) -> WorkProgress:
-        """How far it is, which cannot be told."""
+        """Without a total, which is not known."""
         return WorkProgress(0, 0, "Looking for corrections by hand", None)
 
 
 class _Preparation:
-    """Has segments prepared, anew where the segmentation changes meanwhile; nothing has changed until `write`."""
+    """Prepares segments, and starts again if the segmentation changes meanwhile. The scene does not change before `write`."""
 
     def __init__(
         self, segmentation_node: Any, volume_node: Any, total: int, prepare: Callable[[], Steps[PreparedSegments]]
@@ -248,7 +249,7 @@ class _Preparation:
         self._begin()
 
     def advance(self) -> bool:
-        """Prepare what is to be written, anew where the segmentation was changed meanwhile; returns whether it is ready."""
+        """Prepare some more, or start again if the segmentation was changed meanwhile; returns whether all is ready."""
         if not self._preparation.advance():
             return False
         if self._segmentation_node is not None:
@@ -261,7 +262,7 @@ class _Preparation:
     def write(
         self, new_segmentation: Callable[[], Any], looks: Mapping[str, ClassLook], codes: StandardCodes, source: str
     ) -> PreparedSegments:
-        """Write what is ready, at once, into a new segmentation where none was given; returns what was written."""
+        """Write the prepared segments in one step, and return them."""
         prepared: PreparedSegments | None = self._preparation.result
         assert prepared is not None
         write_prepared(prepared, self._segmentation_node or new_segmentation(), self._volume_node, looks, codes, source)

@@ -1,6 +1,6 @@
-"""Outlines of all visible classes over the slices: where their maps reach their iso values.
+"""Outlines of all visible classes in the slices: where their maps reach their iso values.
 
-The iso-surfaces of all classes are one model, each in its class's colour, which the slice views cut.
+The iso-surfaces of all classes form one model, each in its class's colour; the slice views show its intersection.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ if TYPE_CHECKING:
     import slicer
 
 COLOR_INDEX = "color"
-"""Name of the array that says which colour of the table a point of the model has."""
+"""Name of the model's point data array with indices into the table of colours."""
 
 COLORS = 256
-"""In the table: more than anybody tells apart, and there may be more classes."""
+"""Size of the table of colours. Further classes share colours, which nobody could tell apart anyway."""
 
 PART_VOXELS = 1 << 20
-"""A surface is made in parts of about so many voxels, some hundredths of a second of work each."""
+"""A surface is computed in parts of about this many voxels, which takes some hundredths of a second each."""
 
 EDGE_VOXELS = 1e-3
-"""How far beyond the map's border a surface that the border cuts is closed."""
+"""Distance outside the map's border, in voxels, at which a surface that reaches the border is closed."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class OutlineStyle:
     """How outlines are drawn.
 
     Attributes:
-        name: of the model, as users see it.
-        line_pixels: width of the lines.
-        opacity: of the lines, in [0, 1].
+        name: name of the model, as users see it.
+        line_pixels: width of the lines in pixels.
+        opacity: opacity of the lines, in [0, 1].
     """
 
     name: str
@@ -54,7 +54,7 @@ class OutlineStyle:
 
     @property
     def colors_name(self) -> str:
-        """Of the model's table of colours."""
+        """Name of the model's table of colours."""
         return f"{self.name}, colors"
 
 
@@ -66,9 +66,9 @@ class ShownMap:
     """A class's map as the views show it.
 
     Attributes:
-        class_id: of the class.
-        map: in the volume's local frame. Its array must not be changed later.
-        color: of the class.
+        class_id: id of the class.
+        map: the map, in the volume's local frame. Its array must not be changed later.
+        color: colour of the class.
     """
 
     class_id: str
@@ -76,7 +76,7 @@ class ShownMap:
     color: Color
 
     def is_like(self, other: ShownMap | None) -> bool:
-        """Whether both look the same; maps are the same where they are one object."""
+        """Whether both look the same. Maps count as the same only if they are one object."""
         return other is not None and self.map is other.map and self.color == other.color
 
 
@@ -141,7 +141,7 @@ class Contours:
 
     def _add_model(self) -> Any:
         model = self._nodes.add("vtkMRMLModelNode", self._style.name)
-        # Clicks are for the points.
+        # Clicks must reach the points, not the outlines.
         model.SetSelectable(False)
         return model
 
@@ -154,9 +154,9 @@ def _set_colors(colors: Any, table: Mapping[Color, int]) -> None:
 
 
 def _add_display(model: Any, colors: Any, style: OutlineStyle) -> None:
-    """Lines in the slice views, nothing in 3D, coloured by a table.
+    """Show a model as lines in the slice views and not in 3D, coloured by a table.
 
-    Colours as point data would do without a table, but slice views then log an error on each update.
+    Colours could also be point data, without a table, but slice views would then log an error at each update.
     """
     model.CreateDefaultDisplayNodes()
     display = model.GetDisplayNode()
@@ -172,10 +172,10 @@ def _add_display(model: Any, colors: Any, style: OutlineStyle) -> None:
 
 
 def iso_surface(class_map: ClassMap) -> Steps[Surface]:
-    """The surface where a map, interpolated trilinearly, has its iso value; closed at the map's border; in steps.
+    """The surface on which a map, interpolated trilinearly, has its iso value; closed at the map's border; in steps.
 
     Returns:
-        Triangles; none where the map is nowhere above its iso value.
+        Triangles; none if the map exceeds its iso value nowhere.
     """
     array, surface = class_map.array, []
     box = box_above(array, class_map.iso, margin=1)
@@ -186,7 +186,7 @@ def iso_surface(class_map: ClassMap) -> Steps[Surface]:
         planes, rows, columns = (len(positions) for positions in grid.positions)
         thickness = max(PART_VOXELS // (rows * columns), 1)
         for start in range(0, planes - 1, thickness):
-            # Together with the first plane of the next one, so that no gap is left.
+            # Parts share the plane between them, so that there is no gap.
             k = slice(start, min(start + thickness + 1, planes))
             part = _part(grid, k, iso)
             _place(part, (start, 0, 0), grid.positions, box, class_map.geometry)
@@ -196,12 +196,12 @@ def iso_surface(class_map: ClassMap) -> Steps[Surface]:
 
 
 class _ClosedGrid(NamedTuple):
-    """Values up to their box's faces, and zeros right beyond them.
+    """Values that reach to the faces of their box, between planes of zeros just outside the box.
 
     Attributes:
         values: (k, j, i).
-        rows: for each axis, which of the values lie on the planes between the first and the last, which are of zeros.
-        positions: for each axis, where the planes lie, in voxels from the box's first.
+        rows: for each axis, indices of the values on the planes between the first and the last, which hold zeros.
+        positions: for each axis, positions of all planes, in voxels from the box's first voxel.
     """
 
     values: np.ndarray
@@ -210,13 +210,13 @@ class _ClosedGrid(NamedTuple):
 
 
 def _refined(values: np.ndarray) -> _ClosedGrid:
-    """Also half-way between voxels."""
+    """With further values half-way between voxels."""
     positions = [np.arange(2 * count + 1) / 2 - 0.5 for count in values.shape]
     return _ClosedGrid(interpolated(values, positions), [np.arange(len(p)) for p in positions], _and_beyond(positions))
 
 
 def _unrefined(values: np.ndarray) -> _ClosedGrid:
-    """The faces have the values of the voxels behind them."""
+    """The values themselves; those of the outermost voxels also lie on the faces."""
     positions = [np.concatenate([[-0.5], np.arange(count), [count - 0.5]]) for count in values.shape]
     rows = [np.clip(np.arange(count + 2) - 1, 0, count - 1) for count in values.shape]
     return _ClosedGrid(values, rows, _and_beyond(positions))
@@ -227,7 +227,7 @@ def _and_beyond(positions: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def _part(grid: _ClosedGrid, k: slice, iso: float) -> vtkPolyData:
-    """The surface between some of the planes; its points count planes from the first of them."""
+    """The surface within a range of planes k; its points are in units of planes, from the first plane of the range."""
     rows_k, rows_j, rows_i = grid.rows
     values = np.zeros((k.stop - k.start, len(rows_j) + 2, len(rows_i) + 2), dtype=grid.values.dtype)
     first, last = max(k.start, 1), min(k.stop, len(rows_k) + 1)
@@ -236,7 +236,7 @@ def _part(grid: _ClosedGrid, k: slice, iso: float) -> vtkPolyData:
     image = vtkImageData()
     image.SetDimensions(*values.shape[::-1])
     scalars = values.ravel()
-    # Referred to, not copied.
+    # VTK refers to this array and does not copy it: it must live until the surface is computed.
     image.GetPointData().SetScalars(numpy_to_vtk(scalars))
     edges = vtkFlyingEdges3D()
     edges.SetInputData(image)
@@ -249,7 +249,7 @@ def _part(grid: _ClosedGrid, k: slice, iso: float) -> vtkPolyData:
 
 
 def _place(part: vtkPolyData, start: tuple[int, int, int], positions: list[np.ndarray], box: Box, geometry: Geometry) -> None:
-    """Put points that count planes (i, j, k) from `start` (k, j, i) to where those are, RAS millimetres."""
+    """Convert the points of a part from plane numbers (i, j, k), counted from `start` (k, j, i), to RAS millimetres."""
     planes = vtk_to_numpy(part.GetPoints().GetData())
     kji = [
         extent.start + np.interp(first + planes[:, 2 - axis], np.arange(len(position)), position)
@@ -262,7 +262,7 @@ def _place(part: vtkPolyData, start: tuple[int, int, int], positions: list[np.nd
 
 
 def _marked(mesh: vtkPolyData, index: int) -> vtkPolyData:
-    """The mesh, sharing its points and triangles, with the index of its colour at every point."""
+    """A mesh that shares points and triangles with `mesh`, and has a colour index at every point."""
     marked = vtkPolyData()
     marked.ShallowCopy(mesh)
     indices = numpy_to_vtk(np.full(mesh.GetNumberOfPoints(), index, dtype=np.uint8), deep=True)
