@@ -1,4 +1,4 @@
-"""Points that are saved nowhere else outlive a Slicer that ends by itself: they are offered when their scan is chosen again."""
+"""Keeps unsaved points on disk in case Slicer crashes, and offers them when their scan is chosen again."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.wording import breakable
 
 _LEAVE_S = 0.001
-"""For so long `advance` leaves Python to the thread: Slicer's event loop holds Python's lock while it idles."""
+"""How long `advance` waits for the thread: it can only run meanwhile, since Slicer's idle event loop holds Python's lock."""
 
 _Key = tuple[str, tuple[int, ...], bytes]
 
 
 @dataclass(eq=False)
 class _Scan:
-    """What is known of the structures of a scan of the scene.
+    """A scan of the scene, and different states of its structures.
 
     Attributes:
-        key: which node it is, and where it lies.
-        file: that they are kept in.
-        path: where the scan is, as users know it.
-        opened: with which the scan was chosen first; they came with the scene.
-        now: as they were when they were looked at last.
-        saved: as they are saved elsewhere.
-        kept: for which the disk is as it should be; None: for none.
-        offered: what was left of the scan when Slicer or the app ended by itself.
+        key: identifies the scan's node and its position.
+        file: the file in which the structures are kept.
+        path: path of the scan, for users.
+        opened: the structures that the scan had when it was chosen for the first time, from the saved scene.
+        now: the structures at the last `refresh`.
+        saved: the structures as they are saved in the scene or a file of the user's.
+        kept: the structures for which the file has the right content; None if it has not.
+        offered: points that an ended Slicer or app left behind, and that the user may restore.
     """
 
     key: _Key
@@ -56,10 +56,10 @@ class _Scan:
 
 
 class UnsavedPoints(Section):
-    """Keeps the structures of each scan on the disk while they are saved nowhere else, and offers what was kept before.
+    """Keeps the structures of each scan on disk while they are not saved elsewhere, and offers those that were left behind.
 
-    A thread does all that concerns the disk, in its order; nothing here waits for it but `end`. A scan is known again by its
-    voxels and their place, and a sequence by those of its first frame: all of its frames have the same structures.
+    One thread does all work on the disk, in order; only `end` waits for it. A scan is recognised by its voxels and their
+    position, and a sequence by those of its first frame, because all frames share structures.
     """
 
     def __init__(self, ui: Any, report: Report) -> None:
@@ -67,7 +67,7 @@ class UnsavedPoints(Section):
         self._scans: dict[_Key, _Scan] = {}
         self._scan: _Scan | None = None
         self._changed_s: float | None = None
-        # When the scene was saved last, and to which bundle.
+        # The time at which the scene was last saved, and the bundle that it was saved to.
         self._stored: int | None = None
         self._bundle: tuple[str, int] | None = None
         self._disk: ThreadPoolExecutor | None = None
@@ -78,11 +78,11 @@ class UnsavedPoints(Section):
 
     @property
     def busy(self) -> bool:
-        """Whether the thread has something to do, for which `advance` should be called more often."""
+        """Whether the thread is working: `advance` should then be called more often."""
         return bool(self._under_way)
 
     def refresh(self) -> None:
-        """The structures may have changed, or the scan; show what there is to restore of it."""
+        """Take in changes of the scan and its structures, and show whether there is something to restore."""
         self._notice_saving()
         self._scan = self._scan_of_now()
         if self._scan is not None:
@@ -92,7 +92,7 @@ class UnsavedPoints(Section):
         self._show(self._scan.offered if self._scan is not None else None)
 
     def advance(self) -> None:
-        """Let the thread get on, take in what it has done, and have it keep what was changed a moment ago."""
+        """Let the thread work, take in its results, and have it keep changes that are a moment old."""
         while self._under_way:
             work, then = self._under_way[0]
             wait([work], _LEAVE_S)
@@ -108,13 +108,17 @@ class UnsavedPoints(Section):
                 self.keep()
 
     def keep(self, instead_of: LeftPoints | None = None) -> None:
-        """Have the disk keep the structures as they are now, unless they are saved elsewhere; then what was left may go."""
+        """Keep the structures as they are now on disk, or remove the file if they are saved elsewhere.
+
+        Args:
+            instead_of: points left behind, whose file this one replaces.
+        """
         self._changed_s = None
         session, scan = self.session, self._scan
         if session is None or scan is None or (session.classes == scan.kept and instead_of is None):
             return
         if scan.key != self._key_of_now():
-            return  # It is gone, and so are its structures: what was kept of them stays.
+            return  # The scan was removed or moved, and with it its structures: the file stays.
         scan.kept = session.classes
         try:
             classes = [] if scan.kept == scan.saved else session.file_classes.to_keep()
@@ -125,13 +129,13 @@ class UnsavedPoints(Section):
         self._have_done(partial(scan.file.keep, classes, scan.path, model, instead_of), lambda _: self._tell(None))
 
     def mark_saved(self) -> None:
-        """The structures of the scan are saved elsewhere as they were looked at last."""
+        """Note that the scan's structures were saved elsewhere, as they were at the last `refresh`."""
         if self._scan is not None:
             self._scan.saved, self._scan.kept = self._scan.now, None
             self.keep()
 
     def end(self, is_asked: bool) -> None:
-        """The scene is closed, or Slicer ends: what was kept of it goes, if the user was asked whether to save."""
+        """The scene is closed, or Slicer ends: remove the files if the user was asked whether to save, else keep them."""
         if not is_asked:
             self._notice_saving()
             self.keep()
@@ -153,7 +157,7 @@ class UnsavedPoints(Section):
     def _show(self, left: LeftPoints | None) -> None:
         ui = self.ui
         if left is None and (ui.restorePointsButton.focus or ui.discardPointsButton.focus):
-            # Qt would give the keyboard to the next section's header, which Space closes.
+            # Otherwise Qt moves the focus to the next section's header, which Space would close.
             ui.addClassButton.setFocus()
         ui.unsavedFrame.visible = left is not None
         if left is not None:
@@ -162,7 +166,7 @@ class UnsavedPoints(Section):
             ui.unsavedLabel.text = breakable(not_saved_text(left.point_count, names, when))
 
     def _scan_of_now(self) -> _Scan | None:
-        """The scan that is chosen; None where there is none that could have points."""
+        """The chosen scan; None if there is none, or none that could have points."""
         session, key = self.session, self._key_of_now()
         if session is None or key is None:
             return None
@@ -184,7 +188,7 @@ class UnsavedPoints(Section):
         return volume.GetID(), geometry.shape, geometry.ijk_to_ras.tobytes()
 
     def _notice_saving(self) -> None:
-        """Slicer announces to nobody that it has saved a scene, but notes when."""
+        """Detect that the scene was saved: Slicer sends no event for this, but changes the stored time."""
         session, scene = self.session, slicer.mrmlScene
         if session is None or scene.GetStoredTime() == self._stored:
             return
@@ -217,11 +221,11 @@ class UnsavedPoints(Section):
         self._look(scan)
 
     def _look(self, scan: _Scan) -> None:
-        """Offer what was left of a scan, the latest first. To find out which scan it is takes a second, where it is large."""
+        """Search for points that were left behind for a scan, and offer the latest. For a large scan this takes a second."""
         unusable: dict[Path, InputError] = {}
 
         def look() -> LeftPoints | None:
-            # What is wrong here is told where something is to be kept.
+            # The same error occurs, and is shown, when something is to be kept.
             with suppress(InputError):
                 return scan.file.latest_left(unusable.__setitem__)
             return None
@@ -235,7 +239,7 @@ class UnsavedPoints(Section):
         self._have_done(look, offer)
 
     def _have_done(self, work: Callable[[], Any], then: Callable[[Any], None] = lambda _: None) -> None:
-        """Have the thread do something; `then` gets what that returns. What goes wrong is shown."""
+        """Do some work in the thread; `advance` then calls `then` with its result, or shows its error."""
         if self._disk is None:
             self._disk = ThreadPoolExecutor(1, thread_name_prefix="unsaved points")
         self._under_way.append((self._disk.submit(work), then))
@@ -249,16 +253,16 @@ class UnsavedPoints(Section):
             then(result)
 
     def _tell(self, error: InputError | None) -> None:
-        """Show why structures are not kept, until they are again; None: they are."""
+        """Show the reason why structures cannot be kept, until they can be kept again (None)."""
         problem, self._problem = self._problem, "" if error is None else str(error)
         if error is not None and self._problem != problem:
             self.report(not_kept_text(error), solved=lambda: self._problem != str(error))
 
 
 def _written_bundle(path: str) -> tuple[str, int] | None:
-    """Which file a scene was saved to with all that is in it, and when; None where that was none, or it is not whole.
+    """Path and time of the bundle (.mrb) that a scene was saved to; None if it was saved otherwise, or is not complete.
 
-    Of lists that were saved so, Slicer says that they are not saved, since they have no files of their own.
+    Slicer counts lists that are saved in a bundle as not saved, because they have no files of their own.
     """
     if not path.lower().endswith(".mrb"):
         return None

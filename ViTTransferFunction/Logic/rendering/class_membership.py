@@ -22,7 +22,7 @@ UNIT = 4096
 
 
 NEAR_MARGIN = 2
-"""Cells around the place where a map is near its iso value, in which it is looked at as well."""
+"""Margin, in cells, around the box in which a map is near its iso value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +30,9 @@ class PartialMap:
     """A map that is 0 outside a box.
 
     Attributes:
-        array: (k, j, i) of the box, float32 in [0, 1] or uint8 with 255 for 1.
-        box: of the map's cells.
-        shape: (K, J, I) of all of the map.
+        array: the values in the box, (k, j, i), float32 in [0, 1] or uint8 with 255 for 1.
+        box: the box, in the map's cells.
+        shape: (K, J, I) of the whole map.
     """
 
     array: np.ndarray
@@ -40,7 +40,7 @@ class PartialMap:
     shape: Shape
 
     def on(self, box: Box) -> np.ndarray:
-        """The map on any box of its cells."""
+        """The map's values in any box of its cells; 0 outside its own box."""
         common = common_part(box, self.box)
         if common == box:
             return self.array[within(box, self.box)]
@@ -58,7 +58,7 @@ class Membership(NamedTuple):
     """How surely the voxels around a class belong to it.
 
     Attributes:
-        box: which part of the volume this is; voxels outside do not belong to the class.
+        box: the part of the volume; voxels outside it do not belong to the class.
         values: (k, j, i) uint8: 0 outside, between 127 and 128 on the surface, 255 inside.
     """
 
@@ -73,19 +73,19 @@ def memberships(
     softness_voxels: Sequence[float],
     cell_sizes: Sequence[float] = (1.0, 1.0, 1.0),
 ) -> Iterator[tuple[int, Membership]]:
-    """The index of each class and its membership, one after the other; not of those whose map is nowhere near its iso value.
+    """Yields the index of each class and its membership; classes whose map is nowhere near its iso value are left out.
 
-    The surface of a class is where its map reaches its iso value, or, where classes overlap, where another class's map exceeds
-    its own iso value by as large a factor: as in `Competition` of `session/labels.py`.
+    The surface of a class is where its map reaches its iso value or, where classes overlap, where another class's map exceeds
+    its own iso value by the same factor, as in `Competition` of `session/labels.py`.
 
     Args:
-        maps: of the same part of the volume, but possibly of different shapes.
-        isos: for each map, the value at its surface, in [0, 1].
-        shape: (K', J', I') of the volume that memberships are for, of the same box.
-        softness_voxels: for each class half the distance over which its membership rises from 0 to 255, in voxels of that
-            volume. It is less where the map is too low or too steep.
-        cell_sizes: along K, J, I, of the finest map, in any unit; where its cells are not cubes, and maps' slopes therefore not
-            alike along all axes.
+        maps: maps of the same part of the volume, possibly of different shapes.
+        isos: for each map, its iso value in [0, 1].
+        shape: (K', J', I') of the volume that memberships are computed for; it covers the same box as the maps.
+        softness_voxels: for each class, half the distance over which its membership rises from 0 to 255, in voxels of that
+            volume. The distance is shorter where the map is too low or too steep.
+        cell_sizes: edges of the finest map's cells along K, J, I, in any unit; if cells are not cubes, slopes differ along the
+            axes.
     """
     grid = finest_shape(maps)
     if math.prod(grid) > math.prod(shape):
@@ -108,11 +108,11 @@ def memberships(
 
 
 class _Competition:
-    """What classes take from each other where the boxes overlap in which their maps are near their iso values.
+    """Lowers the ratios of classes where they overlap; only the boxes in which maps are near their iso values count.
 
     Args:
-        near: of each class the box, and the ratios in it (`_ratios`).
-        grid: the shape (K, J, I) that boxes are of.
+        near: for each class, this box and the ratios in it (`_ratios`).
+        grid: shape (K, J, I) of the grid that boxes refer to.
     """
 
     def __init__(self, near: Mapping[int, Membership], grid: Shape) -> None:
@@ -125,7 +125,7 @@ class _Competition:
             np.maximum(largest, ratios, out=largest)
 
     def take_from(self, index: int) -> None:
-        """Let what others are above their iso values count against a class: its ratios change; others' stay as they were."""
+        """Lower a class's ratios by as much as the largest other ratio exceeds 1; other classes' ratios do not change."""
         box = self._contested.get(index)
         if box is not None:
             largest, ratios = self._largest[box], self._ratios(index, box)
@@ -138,7 +138,7 @@ class _Competition:
 
 
 def _contested(boxes: Mapping[int, Box]) -> dict[int, Box]:
-    """For each of many boxes that overlaps others, the smallest box around all that it has in common with them."""
+    """For each box that overlaps others, the smallest box around its overlaps."""
     ends = np.array([[(extent.start, extent.stop) for extent in box] for box in boxes.values()]).reshape(-1, 3, 2)
     contested = {}
     for place, index in enumerate(boxes):

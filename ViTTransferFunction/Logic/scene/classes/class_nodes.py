@@ -1,7 +1,7 @@
 """Classes in the scene: two point lists each, for what belongs to a structure and for what does not.
 
-Each class belongs to the volume that it was made on. With another volume, there are others: those functions that do not say
-otherwise are about the classes of the volume that is chosen.
+Each class belongs to the volume that it was made on. Unless they say otherwise, the functions here are about the classes of
+the chosen volume only.
 
 The list of positive points stands for the class: its name and colour are the class's, its attributes hold the class's settings,
 and it refers to the list of negative points. The parameter node refers to the lists of positive points, in order. So a saved
@@ -28,12 +28,12 @@ from .of_volume import set_volume_of, volume_of
 CLASS_ROLE = "class"
 NEGATIVE_ROLE = "negativePoints"
 LIST_CLASS = "vtkMRMLMarkupsFiducialNode"
-"""Of lists of points."""
+"""MRML class of point lists."""
 LABEL_FORMAT = "%d"
-"""Of the labels of points, which nobody sees: their numbers. Slicer has the list's name in it, and gives it to C's `printf`,
-to which "70% stenosis" says that text comes there: the application would end with the next point."""
+"""Format of the labels of points, which are hidden: just their numbers. Slicer's default contains the list's name and is given
+to C's `printf`; a name such as "70% stenosis" is then taken for a format with a text, and Slicer crashes at the next point."""
 _VOLUME_NAME = "volumeName"
-"""Attribute of a class's list that belongs to a volume, or did so before that was gone: the volume's name."""
+"""Attribute of a class's list: the name of the volume that the class belongs to. It stays when the volume is removed."""
 
 
 def class_nodes(parameter_node: slicer.vtkMRMLScriptedModuleNode) -> list[slicer.vtkMRMLMarkupsFiducialNode]:
@@ -43,7 +43,7 @@ def class_nodes(parameter_node: slicer.vtkMRMLScriptedModuleNode) -> list[slicer
 
 
 def class_nodes_of_all(parameter_node: slicer.vtkMRMLScriptedModuleNode) -> list[slicer.vtkMRMLMarkupsFiducialNode]:
-    """The lists of positive points of the classes of all volumes, in order; of several of one class the first.
+    """The lists of positive points of the classes of all volumes, in order; if a class has several, only the first.
 
     Where a scene was added to an earlier or later state of itself, classes of two volumes may have the same id.
     """
@@ -72,18 +72,18 @@ def lists_of(positive: slicer.vtkMRMLMarkupsFiducialNode) -> list[slicer.vtkMRML
 
 
 def points_are_in_files(parameter_node: slicer.vtkMRMLScriptedModuleNode) -> bool:
-    """Whether all points of the classes of all volumes were read or saved since they changed last, as Slicer counts it."""
+    """Whether no list of points of any volume's classes has changed since it was read or saved, according to Slicer."""
     lists = (node for positive in class_nodes_of_all(parameter_node) for node in lists_of(positive))
     return not any(node.GetModifiedSinceRead() for node in lists if node.GetNumberOfControlPoints())
 
 
 def is_list_of_a_class(node: slicer.vtkMRMLNode) -> bool:
-    """Whether a node holds the points of a class, positive or negative ones."""
+    """Whether a node is a class's list of positive or negative points."""
     return attribute(node, "polarity") is not None
 
 
 def read_class(positive: slicer.vtkMRMLMarkupsFiducialNode) -> ClassState:
-    """The class as it is in the scene; settings that the scene does not hold, or holds garbled, have their defaults."""
+    """The class as it is in the scene; settings that are missing there or cannot be read have their defaults."""
     negative = negative_node(positive)
     display = positive.GetDisplayNode() or (negative.GetDisplayNode() if negative else None)
     color = tuple(display.GetSelectedColor()) if display else default_color(0)
@@ -117,7 +117,7 @@ def create_class(
 
 
 def adopt_class(parameter_node: slicer.vtkMRMLScriptedModuleNode, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
-    """Count a class of another scene, whose lists are in this one, after the others; as another class than its volume has."""
+    """Add a class from another scene, whose lists are in this one already, after the others, with a name and id of its own."""
     present = class_nodes_of_all(parameter_node)
     _tell_apart(positive, [node for node in present if volume_of(node) is volume_of(positive)])
     parameter_node.AddNodeReferenceID(CLASS_ROLE, positive.GetID())
@@ -126,16 +126,16 @@ def adopt_class(parameter_node: slicer.vtkMRMLScriptedModuleNode, positive: slic
 def give_to_volume(
     volume: slicer.vtkMRMLScalarVolumeNode, positive: Sequence[slicer.vtkMRMLMarkupsFiducialNode]
 ) -> list[slicer.vtkMRMLMarkupsFiducialNode]:
-    """Have classes belong to a volume that never belonged to any; as other classes than those that it has.
+    """Make the classes that never belonged to a volume belong to this one, with names and ids that its classes do not have.
 
-    They were made before a volume was chosen, or by a version that had one set of classes for all volumes.
+    Such classes were made before a volume was chosen, or by a version that had one set of classes for all volumes.
 
     Args:
-        volume: which.
-        positive: the lists of positive points of classes, those that belong to a volume among them.
+        volume: the volume that gets them.
+        positive: lists of positive points of classes; those that belong or belonged to a volume are left as they are.
 
     Returns:
-        The lists of those that did not.
+        The lists of the classes that the volume got.
     """
     new = [node for node in positive if attribute(node, _VOLUME_NAME) is None]
     present = [node for node in positive if volume_of(node) is volume]
@@ -147,17 +147,17 @@ def give_to_volume(
 
 
 def volume_name(positive: slicer.vtkMRMLMarkupsFiducialNode) -> str:
-    """What the volume is called that a class belongs to; of one that is gone, what it was called when it got the class."""
+    """Name of the volume that a class belongs to; if it was removed, the name that it had when it got the class."""
     volume = volume_of(positive)
     return (volume.GetName() if volume is not None else attribute(positive, _VOLUME_NAME)) or ""
 
 
 def keep_from_other_volumes(positive: slicer.vtkMRMLMarkupsFiducialNode, names: dict[str, str]) -> None:
-    """Have a class whose volume is gone belong to no other one, also where it was removed meanwhile, and is there again.
+    """Keep a class whose volume was removed from being given to another one, also after the class was removed and restored.
 
     Args:
-        positive: its list of positive points.
-        names: what such volumes were called, by the id of the class; gets the name, or has it from before.
+        positive: the class's list of positive points.
+        names: names of such volumes by class id. The name is noted there, or restored from there if the list has lost it.
     """
     if volume_of(positive) is None:
         name = attribute(positive, _VOLUME_NAME)
@@ -168,7 +168,7 @@ def keep_from_other_volumes(positive: slicer.vtkMRMLMarkupsFiducialNode, names: 
 
 
 def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode, state: ClassState) -> None:
-    """Bring a class in the scene to `state`; what is equal is not touched, so that points that were hidden alone stay so."""
+    """Change a class in the scene to `state`. Only differences are written, so that single hidden points stay hidden."""
     negative = negative_node(positive) or _create_negative(scene, positive)
     shown_or_hidden = read_settings(positive)["visible"] != state.visible
     _set_name(positive, state.name)
@@ -185,9 +185,9 @@ def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiduc
 
 
 def let_negative_follow(positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
-    """Have a class's list of negative points called and coloured as that of positive ones, which others may have changed."""
+    """Give a class's list of negative points the name and colour of the positive one, which users may have changed."""
     negative = negative_node(positive)
-    # In the midst of an import, what displays them may still be missing.
+    # During an import, display nodes may still be missing.
     if negative is not None and positive.GetDisplayNode() is not None and negative.GetDisplayNode() is not None:
         _set_name(negative, _outside(name_of(positive)))
         _set_color(negative, positive.GetDisplayNode().GetSelectedColor())
@@ -196,7 +196,7 @@ def let_negative_follow(positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
 def write_classes(
     scene: slicer.vtkMRMLScene, parameter_node: slicer.vtkMRMLScriptedModuleNode, states: Sequence[ClassState]
 ) -> None:
-    """Bring all classes in the scene to `states`, in this order: those that are missing come, and all others go."""
+    """Make the classes in the scene equal to `states`, in this order: missing ones are added, all others are removed."""
     present = {class_id(node): node for node in class_nodes(parameter_node)}
     with one_modification(parameter_node):
         for id_ in present.keys() - {state.id for state in states}:
@@ -210,14 +210,16 @@ def write_classes(
 
 
 def remove_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
-    """Take a class's two lists out of the scene, and what displays them."""
+    """Remove a class's two lists and their display nodes from the scene."""
     _remove_lists(scene, lists_of(positive)[::-1])
 
 
 def remove_widowed_lists(scene: slicer.vtkMRMLScene, negative: Collection[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
-    """Take those negative points of classes out of the scene whose class is gone.
+    """Remove the lists of negative points whose class is gone, because its positive list was deleted in Slicer.
 
-    Whoever deletes a list in Slicer deletes the positive one. A copy that the user made of a list is not among the classes'.
+    Args:
+        scene: the scene.
+        negative: the negative lists of classes. Copies that the user made of lists are not among them, and stay.
     """
     lists = nodes_of_class(scene, LIST_CLASS)
     wanted = {node.GetNodeReferenceID(NEGATIVE_ROLE) for node in lists}
@@ -225,7 +227,7 @@ def remove_widowed_lists(scene: slicer.vtkMRMLScene, negative: Collection[slicer
 
 
 def order_classes(parameter_node: slicer.vtkMRMLScriptedModuleNode, ids: list[str]) -> None:
-    """Bring the classes into the order of `ids`, which names each once."""
+    """Put the classes into the order of `ids`, which has each id once."""
     by_id = {class_id(node): node for node in class_nodes(parameter_node)}
     if list(by_id) != ids:
         others = [node for node in class_nodes_of_all(parameter_node) if node not in by_id.values()]
@@ -236,7 +238,7 @@ def order_classes(parameter_node: slicer.vtkMRMLScriptedModuleNode, ids: list[st
 
 
 def _point_list(node: slicer.vtkMRMLNode | None, polarity: Polarity) -> slicer.vtkMRMLMarkupsFiducialNode | None:
-    """A node that is a class's list of points of this polarity; None in place of any other."""
+    """The node if it is a class's list of points of this polarity, else None."""
     points = node_of_class(node, LIST_CLASS)
     return points if points is not None and attribute(points, "polarity") == polarity else None
 
@@ -247,7 +249,7 @@ def _give_to(volume: slicer.vtkMRMLScalarVolumeNode, positive: slicer.vtkMRMLMar
 
 
 def _tell_apart(positive: slicer.vtkMRMLMarkupsFiducialNode, present: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
-    """Give a class a name and an id that none of those that are present has."""
+    """Give a class a name and an id that none of the present ones has."""
     _set_name(positive, name_beside(name_of(positive), {name_of(node) for node in present}))
     if class_id(positive) in map(class_id, present):
         set_attribute(positive, "class", new_class_id())
@@ -274,7 +276,7 @@ def _create_negative(
 def _create_display(node: slicer.vtkMRMLMarkupsFiducialNode) -> slicer.vtkMRMLMarkupsDisplayNode:
     node.CreateDefaultDisplayNodes()
     display = node.GetDisplayNode()
-    # Told apart without colour: what belongs to the structure is a dot, what does not is a cross.
+    # Distinguishable without colour: a dot for points inside the structure, a cross for those outside.
     negative = attribute(node, "polarity") == "negative"
     display.SetGlyphType(display.ThickCross2D if negative else display.Sphere3D)
     display.SetGlyphScale(2.0)
@@ -284,13 +286,13 @@ def _create_display(node: slicer.vtkMRMLMarkupsFiducialNode) -> slicer.vtkMRMLMa
 
 
 def _outside(name: str) -> str:
-    """What the list of negative points is called of a class of this name."""
+    """Name of the list of negative points of a class with this name."""
     return f"{name} – outside"
 
 
 def _set_name(node: slicer.vtkMRMLMarkupsFiducialNode, name: str) -> None:
     if node.GetName() != name_for_scene(name):
-        # First: earlier versions left it as Slicer has it.
+        # Before the name changes, since lists from earlier versions have Slicer's default format (`LABEL_FORMAT`).
         node.SetControlPointLabelFormat(LABEL_FORMAT)
         node.SetName(name_for_scene(name))
 
@@ -309,7 +311,7 @@ def _set_visible(node: slicer.vtkMRMLMarkupsFiducialNode, visible: bool) -> None
 
 
 def _display_of(node: slicer.vtkMRMLMarkupsFiducialNode) -> slicer.vtkMRMLMarkupsDisplayNode:
-    """What displays a list of points, made where it is missing."""
+    """The display node of a list of points, created if it is missing."""
     return node.GetDisplayNode() or _create_display(node)
 
 

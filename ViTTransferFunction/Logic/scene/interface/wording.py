@@ -1,4 +1,4 @@
-"""Numbers in words, as coarse as people talk about them, and what front ends call the choices of the parameters."""
+"""Texts of all front ends: numbers as people say them, messages to the user, and names of the choices of parameters."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from .shortcuts import SHORTCUTS
 from .translation import tr as _
 
 CloserLookReason = Literal["vague extent", "small drawing", "small outline"]
-"""Why a closer look may help, or, the last, is being had without having been asked for; see `CloseUpHints`."""
+"""Why a closer look may help, or, for the last one, why one has begun by itself; see `CloseUpHints`."""
 
 _SMALL_SPECIMEN = 0.75
-"""Of a body's size (`body_scale`): organs of what is shorter than 48 mm are mere thousandths of millilitres."""
+"""Scans below this `body_scale` (shorter than 48 mm) use mm³: organs in them have only thousandths of a millilitre."""
 _MOST_NAMES = 5
-"""In one message."""
+"""The most names of structures in one message."""
 _LONGEST_REASON = 200
-"""Characters of an error that nobody foresaw: some libraries' are pages."""
+"""The most characters of an unexpected error in a message: those of some libraries fill pages."""
 
 
 def duration(seconds: float) -> str:
@@ -44,7 +44,7 @@ def size(n_bytes: float) -> str:
 
 
 def size_in_steps(steps: float, fixed: bool) -> str:
-    """How far a structure is from the size that was chosen, as annotation files count it; `fixed`: nothing is chosen."""
+    """A structure's size, counted in steps as in annotation files, in words; `fixed`: the user set the threshold instead."""
     if fixed:
         return _("set by hand")
     if steps == 0.0:
@@ -56,9 +56,9 @@ def size_in_steps(steps: float, fixed: bool) -> str:
 
 
 def close_up_text(edges_mm: EdgesMm | None, failed: bool = False) -> str:
-    """In what a class is looked at, such as "In a box of 64 × 80 × 52 mm"; "" where that is the whole volume (None).
+    """The close-up of a class, such as "In a box of 64 × 80 × 52 mm"; "" if there is none (None).
 
-    `failed`: it is not, since the box could not be looked at.
+    `failed`: the close-up could not be made, and the class is looked at in the whole volume.
     """
     if edges_mm is None:
         return ""
@@ -71,7 +71,7 @@ def close_up_text(edges_mm: EdgesMm | None, failed: bool = False) -> str:
 
 
 def closer_look_text(reason: CloserLookReason | None) -> str:
-    """That a closer look may help with a structure, or has begun by itself, and why; "" where no reason is known."""
+    """A hint that a closer look may help with a structure or has begun by itself, and why; "" if there is no reason."""
     if reason is None:
         return ""
     key = next(shortcut.key for shortcut in SHORTCUTS if shortcut.action == "lookCloser")
@@ -90,34 +90,34 @@ def closer_look_text(reason: CloserLookReason | None) -> str:
 
 
 def progress_text(progress: WorkProgress) -> str:
-    """What is being done, and how long it will still take."""
+    """The running work, and how long it will still take."""
     if progress.seconds_left is None:
         return _("{what}…").format(what=progress.what)
     return _("{what}: about {time} left").format(what=progress.what, time=duration(progress.seconds_left))
 
 
 def threshold_text(iso: float | None, chosen: float | None) -> str:
-    """A class's threshold as the user set it, `iso`; else in brackets as it was chosen, None where there is no map yet."""
+    """A class's threshold: `iso` if the user set one, else `chosen` in brackets; "–" if there is no map yet (None)."""
     if iso is not None:
         return f"{iso:.2f}"
     return "–" if chosen is None else f"({chosen:.2f})"
 
 
 def volume_unit(body_scale: float) -> str:
-    """In what volumes of structures are told: "ml", and "mm³" in scans of small specimens.
+    """The unit for volumes of structures: "ml", or "mm³" in scans of small specimens.
 
     Args:
-        body_scale: of lengths that are meant for bodies, in the scan.
+        body_scale: factor for lengths that suit human bodies; less than 1 in smaller scans.
     """
     return "mm³" if body_scale < _SMALL_SPECIMEN else "ml"
 
 
 def volume_text(volume_ml: float | None, unit: str) -> str:
-    """A volume in one of `volume_unit`: two figures of small structures, else a tenth as long as that is more than noise.
+    """A volume as a number, without its unit: with two significant figures if it is small, from 99.95 on without decimals.
 
     Args:
         volume_ml: millilitres; None: not known.
-        unit: which; it is not written.
+        unit: the unit of the number, one of `volume_unit`.
     """
     if volume_ml is None:
         return "–"
@@ -129,7 +129,7 @@ def volume_text(volume_ml: float | None, unit: str) -> str:
 
 
 def empty_text(names: Sequence[str]) -> str:
-    """Of structures that have no voxel anywhere."""
+    """A message about structures whose segments are empty."""
     return _(
         "The segment of {names} is empty: nothing is similar enough to its points, or all that is similar belongs to another "
         "structure. Make it larger, or check its points and place more of them."
@@ -137,7 +137,7 @@ def empty_text(names: Sequence[str]) -> str:
 
 
 def taken_text(names: Sequence[str]) -> str:
-    """Of structures whose voxels other segments have, all of them."""
+    """A message about structures whose segments are empty because other segments have all their voxels."""
     return _(
         "The segment of {names} is empty: all its voxels belong to other segments. To have it overlap them, switch "
         '"Do not overlap other segments" off and create the segments again.'
@@ -153,7 +153,7 @@ def mostly_taken_text(names: Sequence[str]) -> str:
 
 
 def segmentation_removed_text(name: str) -> str:
-    """That segments were not written, since the segmentation that was to get them is gone."""
+    """A message that segments were not written, since their segmentation was removed."""
     return _(
         "The segmentation '{name}' was removed meanwhile, so no segments were written. Create them again, in a new one or in "
         "another that you choose."
@@ -161,12 +161,12 @@ def segmentation_removed_text(name: str) -> str:
 
 
 def outdated_text() -> str:
-    """Of segments that are not those of the structures as they are now."""
+    """A message about segments that do not show the latest changes of the structures."""
     return _("Not in the segments yet: the latest changes.")
 
 
 def older_segments_text(segmentation_name: str) -> str:
-    """Of segments of a frame that users come back to, after they changed structures for another one."""
+    """A message about older segments, when the user comes back to a frame and has changed the structures for another one."""
     return _(
         "'{name}' is older than the structures, which were changed for another frame: Update segments would replace it. To "
         "keep it, choose New segmentation first."
@@ -174,7 +174,7 @@ def older_segments_text(segmentation_name: str) -> str:
 
 
 def left_behind_text(volume: str, names: Sequence[str], segmentation: str | None) -> str:
-    """Of what stayed where it was when the volume was moved.
+    """A message about points or segments that were not moved with the volume.
 
     Args:
         volume: its name.
@@ -201,7 +201,7 @@ def left_behind_text(volume: str, names: Sequence[str], segmentation: str | None
 
 
 def other_scan_text(volume: str) -> str:
-    """Of points in a volume that were placed on a scan which looks different."""
+    """A message about points in a volume that were placed on a scan that looks different."""
     return _(
         "Points in '{volume}' were placed on a scan that looks different, perhaps another patient's. Look where they lie "
         "before you trust what they give. If this is the wrong scan, open the right one; its file may have been replaced. If "
@@ -210,7 +210,7 @@ def other_scan_text(volume: str) -> str:
 
 
 def former_model_text(former: str, model: str) -> str:
-    """Of structures that were made with one model, where another one has to do."""
+    """A message about structures that were made with a model that is not available here."""
     return _(
         "The structures of this scene were made with the model {former}, whose weights are not on this computer. With "
         "{model} they come out otherwise. To have them as they were, get the weights of {former}, and choose them "
@@ -219,12 +219,12 @@ def former_model_text(former: str, model: str) -> str:
 
 
 def not_saved_text(point_count: int, names: Sequence[str], when: str) -> str:
-    """Of points that were kept when the program ended by itself.
+    """A message about unsaved points that were kept when the program ended unexpectedly.
 
     Args:
-        point_count: how many.
-        names: of their structures.
-        when: they were kept.
+        point_count: the number of points.
+        names: names of their structures.
+        when: date and time at which they were kept.
     """
     if point_count == 1:
         text = _("1 point from {when} was not saved: {names}.")
@@ -234,14 +234,14 @@ def not_saved_text(point_count: int, names: Sequence[str], when: str) -> str:
 
 
 def not_kept_text(error: Exception) -> str:
-    """Why points that are not saved are not kept either."""
+    """A message that unsaved points cannot be kept on this computer, and why."""
     return _(
         "Points are not kept on this computer while you work, and are lost if the program ends before you save them. {error}"
     ).format(error=error)
 
 
 def unusable_text(path: Path, error: Exception) -> str:
-    """Of points that were kept, and cannot be read."""
+    """A message about kept points that cannot be read."""
     return _(
         "Points of this scan were not saved, and what was kept of them cannot be used. {error} The file stays where it is: "
         "{path}. Delete it, and you will not be told again."
@@ -249,21 +249,15 @@ def unusable_text(path: Path, error: Exception) -> str:
 
 
 def nothing_in_3d_text() -> str:
-    """Of cameras, which files keep by where structures are."""
+    """A message that there is no camera without structures in 3D: camera files are relative to them."""
     return _(
         "Cameras are relative to the structures in 3D, of which there are none. Place a point on a structure, and switch the "
         "3D views on."
     )
 
 
-def _listing(names: Sequence[str]) -> str:
-    """Names in quotes, as many as one reads."""
-    quoted = [f"'{name}'" for name in names[:_MOST_NAMES]]
-    return ", ".join(quoted) + (" …" if len(names) > _MOST_NAMES else "")
-
-
 def not_in_slices_text(volume_name: str) -> str:
-    """What to do where slice views show other scans than the one that clicks in them are about."""
+    """A message that no slice view shows the scan in which clicks place points, and what to do."""
     return _(
         "No slice view shows '{name}', which is segmented; clicks are points in it all the same. Show it by its eye in the "
         "module Data, or choose the scan that the views show."
@@ -271,7 +265,7 @@ def not_in_slices_text(volume_name: str) -> str:
 
 
 def no_structure_text(has_volume: bool) -> str:
-    """What to do first where somebody takes a tool and there is no structure to work on."""
+    """A message for a user who takes a tool while there is no structure: what to do first."""
     if has_volume:
         return _("Points belong to a structure, and there is none yet: add a structure first.")
     return _("Points belong to a structure in a scan, and there is no scan yet: open one first, then add a structure.")
@@ -283,7 +277,7 @@ def nothing_hit_text() -> str:
 
 
 def unexpected_text(error: Exception) -> str:
-    """Of an error that nobody foresaw, in what goes on beside what users do."""
+    """A message about an unexpected error in the background work."""
     if is_out_of_memory(error):
         return OUT_OF_MEMORY
     return _(
@@ -293,7 +287,7 @@ def unexpected_text(error: Exception) -> str:
 
 
 def choice_words() -> dict[str, str]:
-    """What users read for the values of parameters that have few."""
+    """Texts for the values of parameters that have few values."""
     return {
         "": _("as in the preset"),
         "balanced": _("Balanced"),
@@ -315,7 +309,7 @@ def choice_words() -> dict[str, str]:
 
 
 def style_words() -> dict[str, str]:
-    """What users read for the styles of structures, of all of them and in their order."""
+    """Texts for all styles of structures, in their order."""
     words = {
         "surface": _("Surface"),
         "glass": _("Glass"),
@@ -327,5 +321,11 @@ def style_words() -> dict[str, str]:
 
 
 def context_words() -> dict[str, str]:
-    """What users read for what is shown around structures, beside Slicer's presets, which go by their names."""
+    """Texts for the surroundings of structures, except Slicer's presets, which keep their names."""
     return {"off": _("Off"), "bones and vessels": _("Bones and vessels"), "skin": _("Skin")}
+
+
+def _listing(names: Sequence[str]) -> str:
+    """Names in quotes, at most `_MOST_NAMES` of them."""
+    quoted = [f"'{name}'" for name in names[:_MOST_NAMES]]
+    return ", ".join(quoted) + (" …" if len(names) > _MOST_NAMES else "")

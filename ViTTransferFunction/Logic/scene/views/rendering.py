@@ -37,9 +37,9 @@ class ClassRendering:
 
     Args:
         scene: where views and volumes are.
-        app_logic: of the application, which knows the logic of the module Volume Rendering.
-        windows: the vtkRenderWindows of the 3D views that are shown: while the look is being changed, they are drawn quickly,
-            and the first structures of a scan are brought into their pictures.
+        app_logic: the application's logic, which has the logic of the module Volume Rendering.
+        windows: returns the vtkRenderWindows of the 3D views that are shown. They are drawn quickly while the look is changed,
+            and are turned to a scan whose first structures would be out of sight.
     """
 
     def __init__(
@@ -56,8 +56,8 @@ class ClassRendering:
         self._quick = QuickPictures(windows)
         self._observers = SceneObservers()
         self._cut_by: Any = None
-        self._looked_at = vtk.vtkWeakReference()  # A scan that is removed from the scene is to leave memory.
-        self._looked_in: set[str] = set()  # The windows, by their addresses.
+        self._looked_at = vtk.vtkWeakReference()  # Weak, so that a scan that is removed from the scene is freed.
+        self._looked_in: set[str] = set()  # Addresses of the windows.
 
     def show(
         self,
@@ -67,14 +67,14 @@ class ClassRendering:
         uniforms: Mapping[str, np.ndarray],
         ijk_to_ras: np.ndarray,
     ) -> None:
-        """Show structures, or others instead, in all 3D views.
+        """Show structures in all 3D views, in place of those that were shown before.
 
         Args:
-            volume_node: the volume that they are of; they move with it.
-            image: uint8, the voxels of a volume of structures, four numbers in each. It must not be changed while it is shown.
-            structures: how many there are.
-            uniforms: how they look (`StructureVolume.uniforms`).
-            ijk_to_ras: (4, 4), of its voxels in the volume's local frame, RAS millimetres.
+            volume_node: the volume that was segmented; structures move with it.
+            image: the voxels of a `StructureVolume`, uint8 with four components. It must not be changed while it is shown.
+            structures: the number of structures.
+            uniforms: their look (`StructureVolume.uniforms`).
+            ijk_to_ras: (4, 4), from the image's voxels to the volume's local frame, RAS millimetres.
 
         Raises:
             InputError: Slicer's module Volume Rendering is missing.
@@ -83,7 +83,7 @@ class ClassRendering:
         if volume.GetVolumeDisplayNode() is None:
             volume.CreateDefaultDisplayNodes()
             volume.GetVolumeDisplayNode().SetSaveWithScene(False)
-            # Slice views do not show it, and it would look at all voxels of each image.
+            # Slice views do not show this volume, and an automatic window would read all voxels of each image.
             volume.GetVolumeDisplayNode().SetAutoWindowLevel(False)
         display = self._nodes.find(DISPLAY_NAME) or self._add_display()
         material = self._nodes.find(PROPERTY_NAME) or self._add_property()
@@ -98,15 +98,15 @@ class ClassRendering:
         self._bring_into_sight(volume_node, volume)
 
     def look_in_new_views(self) -> None:
-        """Have 3D views look at the scan that were not shown before, as those of another layout, if there are structures."""
+        """Turn 3D views that were not shown before, such as those of a new layout, to the scan if there are structures."""
         volume, display = self._nodes.find(VOLUME_NAME), self._nodes.find(DISPLAY_NAME)
         if volume is not None and display is not None and display.GetVisibility() and self._looked_at.Get() is not None:
             self._bring_into_sight(self._looked_at.Get(), volume)
 
     def _bring_into_sight(self, volume_node: Any, volume: Any) -> None:
-        """Have those 3D views look at the scan that would not show structures when they first could.
+        """Turn the 3D views to the scan in which its first structures would be out of sight or too small.
 
-        From then on, they stay as the user has them.
+        This is done once for each scan and view; after that, views stay as the user leaves them.
         """
         if self._looked_at.Get() is not volume_node:
             self._looked_at.Set(volume_node)
@@ -124,7 +124,7 @@ class ClassRendering:
             keep_whole(renderer, structures)
 
     def _display_by(self, display: Any, volume: Any, material: Any, shader: Any) -> None:
-        """Have one node alone render the structures."""
+        """Render the structures by this display node alone."""
         for other in _renderings_of(volume):
             if other is not display:
                 self._scene.RemoveNode(other)
@@ -135,14 +135,14 @@ class ClassRendering:
         display.SetVisibility(True)
 
     def _on_batch_end(self, caller: vtk.vtkObject, event: str) -> None:
-        """Where the user chooses another method, Slicer puts a node of that in place of ours, and no other has our shader."""
+        """Put our display node back if Slicer replaced it because the user chose another method, which lacks our shader."""
         volume, display, material, shader = map(self._nodes.find, (VOLUME_NAME, DISPLAY_NAME, PROPERTY_NAME, SHADER_NAME))
         if volume is not None and display is None and material is not None and shader is not None and _renderings_of(volume):
             self._display_by(self._add_display(), volume, material, shader)
             self.cut(self._cut_by if self._scene.IsNodePresent(self._cut_by) else None)
 
     def change(self, uniforms: Mapping[str, np.ndarray]) -> None:
-        """Let what is shown look otherwise, at once: where that takes its time, with fewer rays, until it is drawn in full."""
+        """Change the look of the structures at once; where drawing is slow, with fewer rays until `draw_in_full_at_rest`."""
         shader, volume = self._nodes.find(SHADER_NAME), self._nodes.find(VOLUME_NAME)
         if shader is not None:
             if volume is not None:
@@ -151,21 +151,21 @@ class ClassRendering:
 
     @property
     def drawing_quickly(self) -> bool:
-        """Whether views are still to be drawn in full, when the look rests."""
+        """Whether views are drawn with fewer rays at the moment, and must still be drawn in full."""
         return self._quick.drawing
 
     def draw_in_full_at_rest(self) -> None:
-        """Have the views drawn in full if the look has not been changed for a moment."""
+        """Draw the views in full if the look has not been changed for a moment."""
         display = self._nodes.find(DISPLAY_NAME)
         if self._quick.end_at_rest() and display is not None:
-            # The views follow their nodes, and are drawn again.
+            # Views redraw when one of their nodes is modified.
             display.Modified()
 
     def cut(self, by: Any) -> None:
-        """Show only what lies in a vtkMRMLMarkupsROINode, or behind a vtkMRMLMarkupsPlaneNode; None: all.
+        """Show only the part inside a vtkMRMLMarkupsROINode or behind a vtkMRMLMarkupsPlaneNode; None shows all.
 
         Raises:
-            InputError: this Slicer cuts renderings by no planes.
+            InputError: this version of Slicer cannot cut renderings by planes.
         """
         self._cut_by = by
         display = self._nodes.find(DISPLAY_NAME)
@@ -185,7 +185,7 @@ class ClassRendering:
         clip = self._nodes.find(CLIP_NAME)
         if plane is not None and clip is None:
             clip = self._nodes.add("vtkMRMLClipNode", CLIP_NAME)
-            # A union of planes is cut by the renderer itself; an intersection through a copy of the volume.
+            # For a union of planes, the renderer clips by itself; for an intersection, Slicer would copy the volume.
             clip.SetClipType(clip.ClipUnion)
         if plane is not None and clip.GetClippingNode() is not plane:
             clip.SetAndObserveClippingNodeID(plane.GetID())
@@ -195,13 +195,13 @@ class ClassRendering:
             display.SetClipping(plane is not None)
 
     def export(self, name: str) -> Any:
-        """Leave what is shown to the scene, as it is cut now: it is saved, and shown alike by a Slicer without this extension.
+        """Leave the present rendering, with its cut, to the scene: it is saved, and any Slicer shows it without this extension.
 
         Args:
-            name: of the volume node that users see.
+            name: name of the volume node, for users.
 
         Returns:
-            The volume node; None where nothing is shown. What is shown next gets nodes of its own.
+            The volume node; None if nothing is shown. The next `show` makes new nodes.
         """
         volume, display = self._nodes.find(VOLUME_NAME), self._nodes.find(DISPLAY_NAME)
         if volume is None or display is None or not display.GetVisibility():
@@ -210,7 +210,7 @@ class ClassRendering:
         if self._scene.IsNodePresent(self._cut_by):
             self.cut(cut_for_export(self._scene, self._cut_by, f"{name} {self._cut_by.GetName()}"))
             self._cut_by = None
-        # From now on others may change it, show it in slices, and still have it when Python ends.
+        # A copy, since from now on others may change it, show it in slices, and keep it after Python has ended.
         volume.SetAndObserveImageData(own_copy(volume.GetImageData()))
         if (in_slices := volume.GetVolumeDisplayNode()) is not None:
             in_slices.SetAutoWindowLevel(True)
@@ -223,7 +223,7 @@ class ClassRendering:
         return volume
 
     def hide(self) -> None:
-        """Take the structures out of the views, and undo what was set in them."""
+        """Hide the structures in all views, and restore the views' settings."""
         self._quick.end()
         display = self._nodes.find(DISPLAY_NAME)
         if display is not None:
@@ -233,7 +233,7 @@ class ClassRendering:
         self._smoothing.restore()
 
     def remove(self) -> None:
-        """Hide the structures, and take their nodes out of the scene."""
+        """Hide the structures, and remove their nodes from the scene."""
         self.hide()
         self._nodes.remove()
         self._looked_at.Set(None)
@@ -246,7 +246,7 @@ class ClassRendering:
                 "Application Settings, Modules, and restart; outside of it, install the app anew."
             )
         display = logic.CreateVolumeRenderingDisplayNode(DISPLAY_CLASS)
-        # Created for the caller to release.
+        # The caller owns the reference that this method returns.
         display.UnRegister(None)
         display.SetName(DISPLAY_NAME)
         self._scene.AddNode(display)
@@ -263,5 +263,5 @@ def _renderings_of(volume: Any) -> list[Any]:
 
 
 def can_be_cut_by_planes(display: Any) -> bool:
-    """Older versions of Slicer cut models by planes, but no volume renderings."""
+    """Whether this Slicer can cut volume renderings by planes; older versions only cut models."""
     return hasattr(display, "SetClipping")
