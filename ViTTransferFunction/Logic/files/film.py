@@ -1,6 +1,6 @@
-"""Films out of pictures: MP4 (H.264) by the program ffmpeg that the package imageio-ffmpeg carries, GIF by Pillow.
+"""Writes films: MP4 (H.264) by the program ffmpeg, which the package imageio-ffmpeg contains, and GIF by Pillow.
 
-Frames are asked for one by one, so that a long film takes no more memory than a short one, but for a GIF's, which is kept as
+Frames are requested one by one, so that a long film takes no more memory than a short one; only a GIF is kept in memory, as
 palette indices.
 """
 
@@ -33,16 +33,16 @@ ENDINGS = (".mp4", ".gif")
 DEFAULT_FRAMES, DEFAULT_SECONDS = 96, 8.0
 MOST_FRAMES = 10_000
 FASTEST = {".mp4": 120.0, ".gif": 50.0}
-"""Frames a second. A GIF counts hundredths of seconds, and browsers slow down what is to take less than two of them."""
+"""Most frames a second. A GIF counts in hundredths of a second, and browsers slow down frames of less than two of them."""
 
 _PALETTE_FRAMES = 6
-"""Frames of a turn whose colours are the palette of a GIF."""
+"""Number of frames from which the palette of a GIF is chosen."""
 
 _PALETTE_PIXELS = 200_000
-"""Pixels of those frames that are looked at: all of a large film's would take minutes, and choose much the same colours."""
+"""Pixels of those frames that are used: all pixels would take minutes in a large film, and give nearly the same palette."""
 
 _CONSTANT_RATE_FACTOR = 18
-"""H.264's quality: no difference is seen from 18 on downwards."""
+"""Quality of H.264: at 18 or less, no difference to the original can be seen."""
 
 
 @dataclass(frozen=True)
@@ -50,12 +50,12 @@ class FilmPlan:
     """A film to be written.
 
     Attributes:
-        path: of the file, whose ending is one of `ENDINGS`.
-        frames: how many.
-        seconds: that they take in all.
+        path: path of the file, with one of `ENDINGS`.
+        frames: number of frames.
+        seconds: duration of the film.
 
     Raises:
-        InputError: another ending, or a number out of range.
+        InputError: the ending is another one, or a number is out of range.
     """
 
     path: Path
@@ -64,7 +64,7 @@ class FilmPlan:
 
     @property
     def drawings(self) -> int:
-        """How many pictures are asked for until it is written."""
+        """How many pictures are requested until the film is written."""
         return self.frames + (min(_PALETTE_FRAMES, self.frames) if self.path.suffix.lower() == ".gif" else 0)
 
     def __post_init__(self) -> None:
@@ -152,7 +152,7 @@ def film_steps(plan: FilmPlan, frame: Callable[[int], np.ndarray]) -> Steps[None
 
 
 def check_film_writer(path: Path) -> None:
-    """Raise InputError now if the library is missing that a film of this name needs."""
+    """Raise InputError if the library that a film of this name needs is missing."""
     gif = path.suffix.lower() == ".gif"
     package = "pillow" if gif else "imageio-ffmpeg"
     try:
@@ -176,7 +176,7 @@ def _write_gif(path: Path, plan: FilmPlan, frame: Callable[[int], np.ndarray], p
     def indexed(number: int) -> Image.Image:
         return Image.fromarray(frame(number)).quantize(palette=palette, dither=Image.Dither.NONE)
 
-    # In whole hundredths of seconds, whose rounding does not add up.
+    # Ends of frames in whole hundredths of a second; durations are their differences, so that rounding does not accumulate.
     ends = np.rint(np.arange(plan.frames + 1) * 100.0 * plan.seconds / plan.frames)
     indexed(0).save(
         path,
@@ -190,7 +190,7 @@ def _write_gif(path: Path, plan: FilmPlan, frame: Callable[[int], np.ndarray], p
 
 
 def _palette(plan: FilmPlan, frame: Callable[[int], np.ndarray]) -> Image.Image:
-    """256 colours for all frames: one palette, so that what stands still does not flicker."""
+    """A palette of 256 colours for all frames, so that still parts of the picture do not flicker."""
     from PIL import Image
 
     count = min(_PALETTE_FRAMES, plan.frames)
@@ -219,19 +219,19 @@ def _even(picture: np.ndarray) -> np.ndarray:
 
 @contextmanager
 def _encoder(path: Path, width: int, height: int, frames_per_second: float) -> Iterator[IO[bytes]]:
-    """What takes the pixels of one frame after the other; the file is finished at the end of the `with` statement."""
+    """A pipe that takes the pixels of one frame after the other; the file is complete at the end of the `with` statement."""
     import imageio_ffmpeg
 
     command = [
         imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-y",
         "-f", "rawvideo", "-pixel_format", "rgb24", "-video_size", f"{width}x{height}",
         "-framerate", f"{frames_per_second:.6f}", "-i", "pipe:0",
-        # What every player and browser shows, also before it has all of the file.
+        # Options that every player and browser supports, also before the file is downloaded completely.
         "-codec:v", "libx264", "-crf", str(_CONSTANT_RATE_FACTOR), "-pix_fmt", "yuv420p", "-movflags", "+faststart",
         "-f", "mp4", str(path),
     ]  # fmt: skip
     with tempfile.TemporaryFile() as errors:
-        # No console window flashes up on Windows.
+        # So that no console window appears on Windows.
         flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)
         process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors, creationflags=flags
@@ -255,7 +255,7 @@ def _encoder(path: Path, width: int, height: int, frames_per_second: float) -> I
 
 @contextmanager
 def _until_it_ends() -> Iterator[None]:
-    """Writes to a program within; where that has ended early, it has said why itself."""
+    """Ignore the closed pipe of a program that has ended early: its exit code and messages say why."""
     try:
         yield
     except OSError as error:

@@ -23,16 +23,16 @@ from .volume_files import read_geometry, read_image
 LABEL_MAP_ENDINGS = (".nii.gz", ".nii", ".nrrd", ".mha")
 
 MOST_SEGMENTS = 1000
-"""More different numbers than this are intensities, of a volume that was named by mistake."""
+"""A file with more different numbers than this is a volume that was named by mistake."""
 
 FEW_LABELS = 32
-"""With more different numbers, a label map has parts large enough to tell it from a scan of eight bits."""
+"""With more different numbers than this, it is checked whether a file is a scan of eight bits and no label map."""
 
 LEAST_LABEL = -1
-"""Numbers below are intensities, too, of a CT say; by this one, some programs mark what they leave out."""
+"""Lower numbers are intensities, for example of a CT; some programs mark voxels that they leave out by this one."""
 
 LARGEST_SHIFT_VOXELS = 0.01
-"""How far a written voxel may lie from its place: more than the digits of single precision lose, less than can be seen."""
+"""How far a written voxel may lie from its place: more than rounding to single precision, less than can be seen."""
 
 _PROBE_BYTES = 1 << 20
 
@@ -46,25 +46,25 @@ class Segment:
 
 
 def check_segmentation_path(path: Path) -> None:
-    """Raise InputError unless the file's ending says a format that `write_segmentation` writes."""
+    """Raise InputError unless the file's ending is of a format that `write_segmentation` writes."""
     if not path.name.lower().endswith((SEGMENTATION_ENDING, *LABEL_MAP_ENDINGS)):
         known = ", ".join(LABEL_MAP_ENDINGS)
         raise InputError(f"{path} has no known ending; expected .seg.nrrd (a Slicer segmentation) or a label map: {known}.")
 
 
 def is_slicer_segmentation(path: Path) -> bool:
-    """Whether a file of this name keeps names and colours, and not numbers only."""
+    """Whether a file of this name is a Slicer segmentation, which also stores names and colours."""
     return path.name.lower().endswith(SEGMENTATION_ENDING)
 
 
 def write_segmentation(path: Path, labels: np.ndarray, geometry: Geometry, segments: Sequence[Segment]) -> None:
-    """Write a label map with its segments' names and colours, whole or not at all.
+    """Write a label map with its segments' names and colours, completely or not at all.
 
     Args:
-        path: ending in `.seg.nrrd`, or in a label map format, which keeps numbers only.
+        path: path that ends in `.seg.nrrd` or in `LABEL_MAP_ENDINGS`; label maps store numbers only.
         labels: (K, J, I), 0 for background, 1 + index for each segment.
-        geometry: of the labels.
-        segments: in the order of their labels.
+        geometry: geometry of the labels.
+        segments: the segments, in the order of their labels.
 
     Raises:
         InputError: unknown ending, or the file cannot be written.
@@ -82,8 +82,8 @@ def read_segmentation(path: Path) -> tuple[np.ndarray, Geometry, list[Segment]]:
         their numbers.
 
     Raises:
-        InputError: missing, unreadable, cut off, DICOM, not of whole numbers, or the segments overlap (Slicer then stores
-            several layers), or two have one label.
+        InputError: the file is missing, unreadable, truncated, DICOM or not of whole numbers, its segments overlap (Slicer then
+            stores several layers), or two segments have the same label.
     """
     _check_is_no_dicom(path)
     labels, geometry, tags = read_image(path)
@@ -96,7 +96,7 @@ def read_segmentation(path: Path) -> tuple[np.ndarray, Geometry, list[Segment]]:
 
 
 def _check_is_no_dicom(path: Path) -> None:
-    """ITK makes one stack of all segments' frames, one segment above the other, and a single segment of their ones."""
+    """Refuse DICOM segmentations: ITK would stack the frames of all segments, and make a single segment of them."""
     if image_format(path).reader == DICOM_READER:
         raise InputError(
             f"{path} is a DICOM file; expected a Slicer segmentation ({SEGMENTATION_ENDING}) or a label map: "
@@ -105,15 +105,15 @@ def _check_is_no_dicom(path: Path) -> None:
 
 
 def write_image(path: Path, array: np.ndarray, geometry: Geometry, tags: Mapping[str, str] | None = None) -> None:
-    """Write an array (K, J, I) as a compressed image, whole or not at all.
+    """Write an array (K, J, I) as a compressed image, completely or not at all.
 
-    What was written is read again, as ITK does not notice a full disk: header by ITK, voxels by `StoredVoxels`.
+    The file is read back and compared, because ITK does not notice a full disk: the header by ITK, voxels by `StoredVoxels`.
 
     Args:
-        path: where to; the ending says the format, one of `LABEL_MAP_ENDINGS`.
+        path: path of the file; its ending, one of `LABEL_MAP_ENDINGS`, gives the format.
         array: voxels.
-        geometry: of the voxels.
-        tags: key-value pairs for the header, in formats that have such.
+        geometry: geometry of the voxels.
+        tags: key-value pairs for the header, in formats that have them.
 
     Raises:
         InputError: the file cannot be written, or the format cannot hold these voxels in their place.
@@ -151,7 +151,7 @@ def _is_as_written(path: Path, array: np.ndarray) -> bool:
 
 
 def _raise_if_full(temporary: Path) -> None:
-    """Where ITK failed to write, or did not notice, the operating system says why: raise its OSError, if it has one."""
+    """Raise the OSError that explains why a file is not complete, if writing some more to it gives one."""
     with temporary.open("ab") as file:
         file.write(bytes(_PROBE_BYTES))
         file.flush()
@@ -159,7 +159,7 @@ def _raise_if_full(temporary: Path) -> None:
 
 
 def _lies_in_its_place(path: Path, meant: Geometry) -> bool:
-    """NIfTI, for one, has no place for axes that are not at right angles."""
+    """Whether a written file has the geometry `meant`; NIfTI, for example, cannot hold axes that are not at right angles."""
     try:
         stored = read_geometry(path)
     except InputError:
@@ -170,9 +170,9 @@ def _lies_in_its_place(path: Path, meant: Geometry) -> bool:
 
 
 def _segment_tags(shape: tuple[int, ...], segments: Sequence[Segment]) -> dict[str, str]:
-    """The header by which Slicer knows a label map as a segmentation.
+    """Header fields by which Slicer recognises a label map as a segmentation.
 
-    Written by SimpleITK and not by the package slicerio, whose writer takes ASCII names only.
+    SimpleITK writes them, and not the package slicerio, whose writer accepts ASCII names only.
     """
     tags = {
         "Segmentation_ContainedRepresentationNames": "Binary labelmap|",
@@ -201,7 +201,7 @@ def _check_whole_numbers(labels: np.ndarray, path: Path) -> None:
 
 
 def _segments_from_tags(tags: Mapping[str, str], path: Path) -> dict[int, Segment]:
-    """Segments by label, in the file's order. What is missing is as Slicer has it, but colours are not all grey."""
+    """Segments by label, in the file's order. Missing fields have Slicer's defaults, but missing colours are not all grey."""
     segments: dict[int, Segment] = {}
     index = 0
     while (id_ := tags.get(f"Segment{index}_ID")) is not None:
@@ -226,7 +226,7 @@ def _segments_from_tags(tags: Mapping[str, str], path: Path) -> dict[int, Segmen
 
 
 def _in_utf8(text: str) -> str:
-    """A text of a header; what is no UTF-8, as from older Slicers on Windows, is taken for Western European letters."""
+    """A text of a header; if it is not UTF-8, as from older Slicers on Windows, it is read as Latin-1."""
     written = text.encode("utf-8", "surrogateescape")
     try:
         return written.decode()
@@ -257,7 +257,7 @@ def _numbered_segments(labels: np.ndarray, path: Path) -> dict[int, Segment]:
         raise InputError(f"{path} is no label map: it holds {len(values)} different numbers. Name a segmentation.")
     if values and values[0] < LEAST_LABEL:
         raise InputError(f"{path} is no label map: it holds numbers below zero, down to {values[0]}. Name a segmentation.")
-    # A scan of eight bits has no more numbers than a segmentation may have.
+    # Needed because a scan of eight bits has no more numbers than a segmentation may have.
     if FEW_LABELS < len(values) <= MOST_LABELS and not looks_like_labels(labels):
         raise InputError(f"{path} is no label map: its {len(values)} numbers are strewn, as in a scan. Name a segmentation.")
     return {value: Segment(str(value), default_color(index)) for index, value in enumerate(values)}

@@ -1,10 +1,10 @@
-"""Scans whose slices are no straight stack, put on a straight grid: of a tilted gantry, or at uneven distances.
+"""Resamples scans to a straight grid if their slices were taken by a tilted gantry or at uneven distances.
 
-A tilted gantry takes slices at a slant to the table, which moves on from one to the next: each lies shifted within its plane
-against the one before. Distances differ where the base of a skull was scanned more finely than what is above it, or where
-slices are missing. Here every slice is where it was taken, and between two the image is interpolated along the lines from each
-pixel of the one to the same pixel of the other: along the way of the table, and so along the patient. 3D Slicer shows such
-scans in the same way, by a transform.
+With a tilted gantry, slices are at a slant to the movement of the table, so that each one is shifted within its plane against
+the one before. Distances are uneven if, for example, the base of the skull was scanned more finely than the rest of the head, or
+if slices are missing. On the straight grid, every slice lies where it was taken. Between two slices, the image is interpolated
+along the lines from each pixel of one to the same pixel of the other, which is the direction of the table and so of the patient.
+3D Slicer shows such scans in the same way, by a transform.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from ..core.volumes.geometry import Geometry
 from ..core.volumes.volume import finite_range
 
 LARGEST_DEVIATION = 0.25
-"""How far a slice may be from where it was taken, as a share of a voxel's shortest edge. Nobody sees a quarter of a voxel, and
-to interpolate blurs; positions that were rounded are off by less."""
+"""How far a slice may lie from where it was taken, as a share of a voxel's shortest edge. Nobody sees a quarter of a voxel,
+while interpolation blurs the image; rounding of positions causes smaller deviations."""
 
 SHARE_OF_SHORTER_DISTANCES = 0.1
-"""How many distances between slices may be shorter than that of the straight grid. Of a part that was scanned more finely
-nothing shall be lost; but one short distance, such as where two parts meet, need not make the whole grid as fine."""
+"""Share of distances between slices that may be shorter than that of the straight grid. A part that was scanned more finely
+must not lose detail, but a single short distance, such as where two parts meet, must not make the whole grid as fine."""
 
 MOST_GROWTH = 10.0
-"""How many times as many voxels a straight grid may have as were measured: slices so far apart are no one stack."""
+"""Largest ratio of the straight grid's voxels to the measured ones: beyond it, the slices do not form one stack."""
 
 RIGHT_ANGLE = 1e-3
-"""Largest cosine of one, as headers round them."""
+"""Largest cosine of an angle that counts as a right angle, since headers round axes."""
 
 GAP = 1.5
-"""How many times as far apart as those beside them slices are that have others missing between them."""
+"""Slices seem to be missing where a distance exceeds those beside it by this factor."""
 
 
 def straightened(
@@ -44,17 +44,17 @@ def straightened(
     """A scan with each slice where it was taken.
 
     Args:
-        path: of the scan, for messages.
-        array: its slices, (K, J, I), any real dtype.
-        geometry: where its reader has put them; of that, the axes in the plane of the slices count.
-        positions_ras: of the first pixel of each slice, (K, 3) RAS millimetres, in an order along the slices' normal.
-        on_warning: is told what was done.
+        path: path of the scan, for messages.
+        array: the slices, (K, J, I), any real dtype.
+        geometry: where the reader has put them; only the axes within the slices' plane are used.
+        positions_ras: position of the first pixel of each slice, (K, 3) RAS millimetres, ordered along the slices' normal.
+        on_warning: called with a message that says what was done.
 
     Returns:
-        Array and geometry as they are where that is where the slices were taken, or where pixels are no rectangles, as those
-        of no scanner are. Else a straight grid that holds all of them, of the same dtype, with the lowest value where nothing
-        was measured. It has their pixels' size; its first and last slice are the scan's, and so are all where distances are
-        even, each as it was but for where it lies.
+        Array and geometry unchanged if the slices lie where they were taken, or if pixels are not rectangular, which no scanner
+        produces. Otherwise a straight grid that contains all slices, of the same dtype and pixel size, with the lowest value
+        where nothing was measured. Its first and last slices are those of the scan; if distances are even, all of its slices
+        are, only shifted within their planes.
 
     Raises:
         InputError: most of the grid would be empty or made up, or it does not fit into memory.
@@ -83,16 +83,16 @@ def straightened(
 
 
 def warn_of_gaps(path: Path, heights_mm: np.ndarray, names: Sequence[str], on_warning: Callable[[str], None]) -> None:
-    """Tell where slices seem to be missing.
+    """Warn if slices seem to be missing.
 
-    They are interpolated as others are: beyond them everything lies where it was, and what they cut has about the size that it
-    had. But what was only there is lost, and nothing in the volume shows that.
+    The gap is interpolated. All other slices keep their places, and structures that cross the gap about their size, but what
+    lay only in the gap is lost, and nothing in the volume shows that.
 
     Args:
-        path: of the scan.
-        heights_mm: where its slices lie along their normal, (K,), ascending or descending.
-        names: of the slices.
-        on_warning: is told.
+        path: path of the scan.
+        heights_mm: positions of its slices along their normal, (K,), ascending or descending.
+        names: names of the slices.
+        on_warning: called with the warning.
     """
     distances = np.abs(np.diff(heights_mm))
     beside = np.maximum(np.append(0.0, distances[:-1]), np.append(distances[1:], 0.0))
@@ -108,13 +108,13 @@ def warn_of_gaps(path: Path, heights_mm: np.ndarray, names: Sequence[str], on_wa
 
 @dataclass(frozen=True, eq=False)
 class _Stack:
-    """Where slices lie, as seen from the first.
+    """Positions of slices relative to the first one.
 
     Attributes:
-        heights_mm: along their normal, (K,), ascending.
-        shifts: of each within its plane, (K, 2), in pixels along I and J.
-        pixel_mm: the size of a pixel, (2,), along I and J.
-        normal_ras: (3,), of length 1.
+        heights_mm: distances along the slices' normal, (K,), ascending from 0.
+        shifts: shift of each slice within its plane, (K, 2), in pixels along I and J.
+        pixel_mm: size of a pixel along I and J, (2,).
+        normal_ras: unit normal of the slices, (3,).
     """
 
     heights_mm: np.ndarray
@@ -124,35 +124,35 @@ class _Stack:
 
     @property
     def distances_mm(self) -> np.ndarray:
-        """From each slice to the next, (K - 1,)."""
+        """Distance from each slice to the next, (K - 1,)."""
         distances: np.ndarray = np.diff(self.heights_mm)
         return distances
 
     @property
     def tolerance_mm(self) -> float:
-        """By how much a slice may be off."""
+        """By how much a slice may deviate from the straight stack."""
         return LARGEST_DEVIATION * float(min(self.pixel_mm.min(), np.median(self.distances_mm)))
 
     @property
     def is_uneven(self) -> bool:
-        """Whether slices lie elsewhere than at equal distances."""
+        """Whether distances between slices are unequal."""
         even = np.linspace(0.0, self.heights_mm[-1], len(self.heights_mm))
         return bool(np.abs(self.heights_mm - even).max() > self.tolerance_mm)
 
     @property
     def is_shifted(self) -> bool:
-        """Whether slices lie elsewhere than straight above the first."""
+        """Whether slices do not lie straight above the first one."""
         return self.largest_shift_mm > self.tolerance_mm
 
     @property
     def largest_shift_mm(self) -> float:
-        """Of any slice against any other."""
+        """Diagonal of the smallest rectangle that contains all shifts."""
         shifts_mm = self.shifts * self.pixel_mm
         return float(np.linalg.norm(np.ptp(shifts_mm, axis=0)))
 
     @property
     def straight_count(self) -> float:
-        """How many slices the straight grid needs, a whole number."""
+        """The number of slices that the straight grid needs, a whole number (a float, as damaged headers give huge ones)."""
         if not self.is_uneven:
             return float(len(self.heights_mm))
         usual_mm = np.quantile(self.distances_mm, SHARE_OF_SHORTER_DISTANCES, method="lower")
@@ -169,12 +169,12 @@ class _Stack:
 
 @dataclass(frozen=True, eq=False)
 class _Places:
-    """The slices of a straight grid, (M,), as places in the stack.
+    """The M slices of a straight grid, as places in the stack.
 
     Attributes:
-        indices: in slices of the stack, ascending, with fractions between two.
-        shifts: as those of the stack, (M, 2).
-        distance_mm: between two.
+        indices: indices of slices of the stack, (M,), ascending; fractions lie between two slices.
+        shifts: interpolated shifts of the stack, (M, 2).
+        distance_mm: distance between two slices of the grid.
     """
 
     indices: np.ndarray
@@ -202,7 +202,7 @@ def _stack(geometry: Geometry, positions_ras: np.ndarray) -> _Stack:
 
 
 def _growth(shape: Sequence[int], stack: _Stack) -> float:
-    """How many times as many voxels a straight grid has, before any of it is made: damaged headers put slices anywhere."""
+    """Ratio of the straight grid's voxels to the measured ones; damaged headers give huge grids, which must not be made."""
     slices, rows, columns = shape
     more_columns, more_rows = np.ptp(stack.shifts, axis=0)
     return float(stack.straight_count / slices * (1.0 + more_rows / rows) * (1.0 + more_columns / columns))
@@ -214,7 +214,7 @@ def _places(stack: _Stack) -> _Places:
     if stack.is_uneven:
         heights_mm = np.linspace(0.0, last_mm, int(stack.straight_count))
         indices = np.interp(heights_mm, stack.heights_mm, indices)
-        # Slices that were measured are taken as they are, not blurred with the next.
+        # Measured slices are used as they are, not blurred with the next one.
         nearest = np.rint(indices).astype(int)
         measured = np.abs(heights_mm - stack.heights_mm[nearest]) <= stack.tolerance_mm
         indices = np.where(measured, nearest, indices)
@@ -225,7 +225,7 @@ def _places(stack: _Stack) -> _Places:
 
 
 def _grid(shape: Sequence[int], geometry: Geometry, position_ras: np.ndarray, stack: _Stack, places: _Places) -> Geometry:
-    """The straight grid of all pixels of the slices at `places`; `position_ras` is of the first of the stack."""
+    """The straight grid that contains the slices at `places`; `position_ras` is that of the stack's first slice."""
     _, rows, columns = shape
     lowest, highest = places.first_pixels.min(axis=0), places.first_pixels.max(axis=0)
     more_columns, more_rows = highest - lowest
@@ -236,7 +236,7 @@ def _grid(shape: Sequence[int], geometry: Geometry, position_ras: np.ndarray, st
 
 
 def _resampled(array: np.ndarray, places: _Places, shape: tuple[int, int, int]) -> np.ndarray:
-    """The slices at `places`, each where it lies on a grid of `shape`; a slice at a time, so that no large copy is made."""
+    """The slices at `places`, resampled to a grid of `shape`; one at a time, so that no large copy is made."""
     lowest, _ = finite_range(array)
     straight = np.full(shape, lowest, array.dtype)
     _, rows, columns = array.shape
@@ -258,7 +258,7 @@ def _between(array: np.ndarray, index: float) -> np.ndarray:
 
 
 def _moved(pixels: np.ndarray, step: float, axis: int) -> np.ndarray:
-    """The values (J, I) that lie a step from the pixels along an axis, from -½ to ½; at the border those of its pixels."""
+    """The values (J, I) at a step of -½ to ½ pixels along an axis; beyond the border, those of the border's pixels."""
     count = pixels.shape[axis]
     neighbours = np.clip(np.arange(count) + int(np.sign(step)), 0, count - 1)
     return pixels + abs(step) * (pixels.take(neighbours, axis) - pixels) if step else pixels

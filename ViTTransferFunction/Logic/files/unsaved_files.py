@@ -1,7 +1,7 @@
-"""Structures that are saved nowhere else, as annotation files in the user's cache folder: for when a program ends by itself.
+"""Keeps unsaved structures as annotation files in the user's cache folder, in case the program crashes.
 
-Each file is of one opening of a scan, and beside it lies another one, which is locked as long as that scan is open: the system
-unlocks it however the app ends. Only the user can read them.
+There is one file for each time that a scan was opened, and beside it a lock file, which is locked while the scan is open; the
+system unlocks it however the program ends. Only the user can read them.
 """
 
 from __future__ import annotations
@@ -30,30 +30,30 @@ from .annotation_files import ANNOTATIONS_ENDING, read_annotations, write_annota
 from .json_files import read_json
 
 DELAY_S = 1.0
-"""From a change until it is written: clicks come in rows, and the answer to one is there by then."""
+"""Time from a change until it is written: clicks come in quick succession, and their answers come first."""
 LONGEST_DELAY_S = 10.0
-"""For so long an answer is waited for that does not come: what was clicked is more important then."""
+"""If answers take longer than this, the change is written without waiting for them any more."""
 
 MOST_FILES = 20
-"""That are kept: scans of some days of work."""
+"""Most files that are kept: the scans of some days of work."""
 MOST_BYTES = 64 << 20
-"""Of all files together: about a million points."""
+"""Largest size of all files together: about a million points."""
 PLACE_DIGITS = 3
-"""Of a scan's place, in millimetres: other formats of the same scan may have fewer digits."""
+"""Decimals to which a scan's position in millimetres is compared: other formats of the same scan may have fewer."""
 
 _OTHERS_LOOK_S = 1.0
-"""Much longer than others have a lock that they look at."""
+"""Much longer than other processes hold a lock to test it."""
 
 
 @dataclass(frozen=True)
 class LeftPoints:
-    """What an opening of a scan left.
+    """Structures that an ended program left behind.
 
     Attributes:
-        path: of its file.
+        path: their file.
         when_s: when it was written, in seconds since the epoch.
         classes: the structures.
-        model: that they were made with; "": not known.
+        model: the model that they were made with; "": not known.
     """
 
     path: Path
@@ -63,12 +63,12 @@ class LeftPoints:
 
     @property
     def point_count(self) -> int:
-        """Of all structures, inside and outside."""
+        """Number of points of all structures, inside and outside."""
         return sum(len(each.request.positive) + len(each.request.negative) for each in self.classes)
 
 
 class UnsavedFile:
-    """The file of one opening of a scan; there is none until something is written. What takes time about it, a thread does.
+    """The file for one opening of a scan, which does not exist until something is written. Methods may take long: use a thread.
 
     Args:
         array: the scan's voxels, (K, J, I).
@@ -81,12 +81,12 @@ class UnsavedFile:
         self._lock: int | None = None
 
     def write(self, classes: Sequence[AnnotatedClass], scan_path: str, model: str) -> None:
-        """Write structures in place of those before; beyond `MOST_FILES` and `MOST_BYTES`, the oldest files go.
+        """Write structures in place of the former ones; remove the oldest files beyond `MOST_FILES` and `MOST_BYTES`.
 
         Args:
             classes: the structures.
-            scan_path: where the scan is, as users know it.
-            model: that they were made with.
+            scan_path: path of the scan, for users.
+            model: the model that the structures were made with.
 
         Raises:
             InputError: they cannot be written.
@@ -106,16 +106,16 @@ class UnsavedFile:
         _remove_oldest(path)
 
     def keep(self, classes: Sequence[AnnotatedClass], scan_path: str, model: str, instead_of: LeftPoints | None = None) -> None:
-        """As `write`; none is written of no structures. Then what was left before may go.
+        """Write structures, or remove the file if there are none; then remove the file that they were restored from.
 
         Args:
             classes: the structures.
-            scan_path: as there.
-            model: as there.
-            instead_of: what they were restored from; None: from nothing.
+            scan_path: see `write`.
+            model: see `write`.
+            instead_of: the points left behind that the structures were restored from, if any.
 
         Raises:
-            InputError: they cannot be written; what was left stays.
+            InputError: the structures cannot be written; the file of `instead_of` stays.
         """
         if classes:
             self.write(classes, scan_path, model)
@@ -125,13 +125,13 @@ class UnsavedFile:
             remove_left(instead_of.path)
 
     def remove(self) -> None:
-        """Remove it: everything is saved elsewhere."""
+        """Remove the file, because everything is saved elsewhere."""
         if self._lock is not None:
             with suppress(OSError):
                 self._path.unlink()
 
     def close(self) -> None:
-        """Write no more; what is in it may be offered from now on."""
+        """Stop writing and release the lock, so that the file's content can be offered from now on."""
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
@@ -139,13 +139,13 @@ class UnsavedFile:
                 remove_left(self._path)
 
     def latest_left(self, on_unusable: Callable[[Path, InputError], object]) -> LeftPoints | None:
-        """The latest of what other openings of the scan left that have ended; None if there is nothing.
+        """The latest points that were left behind when the same scan was open before; None if there are none.
 
         Args:
-            on_unusable: is told of each file that cannot be used, and why; it is passed over.
+            on_unusable: called with each file that cannot be used, and the reason; such files are skipped.
 
         Raises:
-            InputError: the scan cannot be segmented, or there can be no cache folder.
+            InputError: the scan cannot be segmented, or there cannot be a cache folder.
         """
         for path in _latest_first(_folder(), f"{self._scan}-*{ANNOTATIONS_ENDING}"):
             if not _is_written_to(path):
@@ -161,10 +161,10 @@ class UnsavedFile:
 
     @cached_property
     def _scan(self) -> str:
-        """A name for the scan, by its voxels and where they lie, whatever its own file is called."""
+        """A name that identifies the scan by its voxels and their position, independent of its file name."""
         assert self._array is not None
         digest = hashlib.sha256(Volume(self._array, self._geometry).digest)
-        # The scan may be removed while its structures are still kept: its voxels are not.
+        # Frees the voxels, because the scan may be removed from the scene while its structures are still kept.
         self._array = None
         # Without the sign of zero.
         digest.update((self._geometry.ijk_to_ras.round(PLACE_DIGITS) + 0.0).tobytes())
@@ -172,7 +172,7 @@ class UnsavedFile:
 
 
 def remove_left(path: Path) -> None:
-    """Remove a file of those that write no more."""
+    """Remove a file that is no longer written to, and its lock file."""
     for each in (path, _lock_of(path)):
         with suppress(OSError):
             each.unlink()
@@ -187,15 +187,14 @@ def _lock_of(path: Path) -> Path:
 
 
 def _locked(lock: Path) -> int:
-    """Make and lock a file; returns its descriptor.
+    """Create and lock a file; returns its descriptor.
 
-    Others have it for a moment when they look whether it is locked, and remove it if nobody else had it: then it is made
-    again.
+    Other processes lock it for a moment to test it, and remove it if nobody else has locked it; then it is created again.
     """
     give_up = time.monotonic() + _OTHERS_LOOK_S
     while True:
         descriptor = os.open(lock, os.O_RDWR | os.O_CREAT, 0o600)
-        # Taken first, since who removes it has it as well.
+        # The lock is taken before `is_at` checks that the file still exists: whoever removes it holds the lock.
         if (take_lock(descriptor) is not False and is_at(lock, descriptor)) or time.monotonic() > give_up:
             return descriptor
         os.close(descriptor)
@@ -211,7 +210,7 @@ def _latest_first(folder: Path, pattern: str) -> list[Path]:
 
 
 def _changed_s(path: Path) -> float:
-    """When a file was written last; long ago, if it is gone meanwhile."""
+    """Time at which a file was last written; 0 if it is gone meanwhile."""
     try:
         return path.stat().st_mtime
     except OSError:
@@ -219,7 +218,7 @@ def _changed_s(path: Path) -> float:
 
 
 def _is_written_to(path: Path) -> bool:
-    """Whether the scan is still open that a file is of, here or in another app or Slicer."""
+    """Whether a file's scan is still open, in this program or another one."""
     try:
         descriptor = os.open(_lock_of(path), os.O_RDWR)
     except OSError:
@@ -231,7 +230,7 @@ def _is_written_to(path: Path) -> bool:
 
 
 def _remove_oldest(written: Path) -> None:
-    """Remove what is too much, but for the file that was just written; and locks without one, of those that were killed."""
+    """Remove the oldest files beyond the limits, except `written`, and lock files of killed programs that have no file."""
     total = 0
     for number, path in enumerate(_latest_first(written.parent, f"*{ANNOTATIONS_ENDING}")):
         with suppress(OSError):
@@ -245,7 +244,7 @@ def _remove_oldest(written: Path) -> None:
 
 
 def _remove_unless_written_to(path: Path) -> None:
-    """Remove a file and its lock unless the scan is still open that it is of."""
+    """Remove a file and its lock file unless its scan is still open."""
     try:
         descriptor = os.open(_lock_of(path), os.O_RDWR)
     except OSError:
@@ -254,7 +253,7 @@ def _remove_unless_written_to(path: Path) -> None:
     try:
         is_left = take_lock(descriptor) is not False
         if is_left:
-            # Before the lock is closed, so that nobody has taken it by then; but Windows removes no open file.
+            # While the lock is held, so that nobody else can take it. On Windows, which removes no open file, again below.
             remove_left(path)
     finally:
         os.close(descriptor)

@@ -1,6 +1,6 @@
-"""One volume being segmented: its features once, then maps and labels whenever the annotations change.
+"""Segments one volume: computes its features once, then maps and labels whenever the annotations change.
 
-It knows no widgets, no files and no MRML. `opening.open_session` makes it.
+The session knows no widgets, no files and no MRML. `opening.open_session` makes it.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ class SegmentationSession:
     """Holds a volume, its features, and the settings that stay the same while the user annotates.
 
     Args:
-        volume: what is segmented.
-        preset: the way through the method.
-        source: where `load_features` gets the features from; None where they come by `use_features` only.
-        open_part: a session on a part of the volume; None: no class is looked at by itself.
+        volume: the volume to segment.
+        preset: the settings of all steps of the method.
+        source: where `load_features` gets the features from; None if they are set by `use_features` only.
+        open_part: makes a session on a part of the volume; None: there are no close-ups.
 
     Attributes:
         watch: seconds spent in each step.
@@ -82,12 +82,12 @@ class SegmentationSession:
 
         Args:
             progress: called with bytes downloaded and slices done.
-            on_coarse: called whenever coarser features can be used meanwhile; None: compute the final ones alone.
+            on_coarse: called whenever coarse or finer features can be used; None: only the final ones are computed.
 
         Raises:
-            InputError: the weights or the device are not to be had, the weights do not fit, memory is not enough, or the
-                cache's disk is full.
-            Cancelled: by the progress callback; coarser features that there are stay usable.
+            InputError: the weights or the device are not available, the weights do not fit the model, memory is not enough, or
+                the cache's disk is full.
+            Cancelled: by the progress callback; coarse features that are there already can still be used.
         """
         source = self._the_source
         with self.watch.step("features"):
@@ -98,13 +98,13 @@ class SegmentationSession:
         return self.provenance
 
     def use_features(self, features: FeatureVolume) -> None:
-        """Take these features of the volume, from wherever they are."""
+        """Use these features of the volume, which need not come from `load_features`."""
         self._use(normalised_features(features, self.preset.statistics))
 
     def prepare_clicks(self) -> None:
-        """Compute ahead what the first click would wait for; while there are no features, what does not depend on them.
+        """Compute in advance what the first click would wait for; before there are features, the part that does not need them.
 
-        Any thread may, while another one loads them.
+        Any thread may call this, also while another one loads the features.
         """
         if self._loaded is not None:
             _ = self._loaded.rule
@@ -112,11 +112,11 @@ class SegmentationSession:
             self._intensities.on(self._the_source.cells)
 
     def awaiting_close_ups(self, requests: Sequence[ClassRequest]) -> tuple[str, ...]:
-        """Ids of the classes that are to be looked at by themselves, and are in the whole until `look_closer`."""
+        """Ids of the classes whose close-ups are not loaded yet: until `look_closer`, the whole volume is used for them."""
         return tuple(request.id for request in self._close_ups.missing(thinned(requests, self.volume.geometry)))
 
     def look_closer(self, requests: Sequence[ClassRequest], progress: Progress = no_progress) -> None:
-        """Have the features of all classes' close-ups, from the cache or by computing them.
+        """Load the features of all classes' close-ups, from the cache or by computing them.
 
         Any thread may ask for maps meanwhile. See `load_features` for `progress` and what is raised.
         """
@@ -142,7 +142,7 @@ class SegmentationSession:
 
     @cached_property
     def display_window(self) -> IntensityWindow:
-        """The window in which a person would look at the volume; found once, since it takes a look at many voxels."""
+        """The window in which a person would look at the volume; found once, since many voxels are read for it."""
         return display_window(self.volume)
 
     def low_resolution_maps(
@@ -158,15 +158,15 @@ class SegmentationSession:
 
         Args:
             requests: the classes.
-            between: called before what is computed for each new point; may raise `Cancelled`, and what there is by then need
-                not be computed again.
-            first: id of a class whose map is wanted sooner than the others, if that can be.
-            on_first: is given this map then.
+            between: called before the computation for each new point; may raise `Cancelled`. What is computed by then is kept.
+            first: id of a class whose map is wanted before the others; "": none.
+            on_first: called with this map as soon as it is there.
 
         Returns:
-            The maps, which must not be changed: who asks the same again, as a refinement does, gets the same ones.
+            The maps. They must not be changed, because the next call with the same requests, as a refinement makes, returns
+            the same ones.
         """
-        # Rules keep from click to click what can be used again.
+        # One at a time, since rules keep results from click to click.
         requests = thinned(requests, self.volume.geometry)
         with self._computing_maps, self.watch.step("similarity"):
             loaded = self._the_loaded
@@ -187,9 +187,9 @@ class SegmentationSession:
     ) -> RefinedMap:
         """S_H of the index-th class from its S_L, sharpened where the class asks for it, and its threshold.
 
-        The threshold is chosen anew, since refinement changes the range of the map. The map is that of the chosen proposal
-        whatever the class's size, so that a larger size never makes the structure smaller. `between` is called between steps,
-        and may raise `Cancelled`.
+        The threshold is chosen again, since refinement changes the range of the map. The map is always refined for the chosen
+        proposal, whatever the class's size, so that a larger size never makes the structure smaller. `between` is called
+        between steps, and may raise `Cancelled`.
         """
         requests = thinned(requests, self.volume.geometry)
         request = requests[index]
@@ -220,16 +220,16 @@ class SegmentationSession:
         progress: Progress = no_progress,
         on_map: Callable[[ClassRequest, RefinedMap], None] | None = None,
     ) -> Segmentation:
-        """Segment all classes, each voxel going to one class at most.
+        """Segment all classes; each voxel belongs to one class at most.
 
-        Those whose close-ups are still awaited are looked at in the whole volume: `look_closer` comes first.
+        Call `look_closer` before: the whole volume is used for classes whose close-ups are not loaded.
 
         Args:
-            requests: at least one, of different ids, all points inside the volume.
+            requests: at least one, with different ids, and all points inside the volume.
             method: how maps are refined.
-            only_annotated_components: drop the parts of a segment that hold none of its positive points.
-            progress: called with classes done.
-            on_map: is shown each full-resolution map before the next is made; they are not kept.
+            only_annotated_components: drop the parts of a segment that contain none of its positive points.
+            progress: called with the number of classes done.
+            on_map: called with each full-resolution map before the next is computed; maps are not kept.
 
         Raises:
             InputError: the requests are not usable, or memory is not enough.
@@ -244,7 +244,7 @@ class SegmentationSession:
         self._check_memory(requests, low_maps, method, np.dtype(dtype).itemsize)
         competition = Competition(self.volume.shape, dtype)
         for index, request in enumerate(requests):
-            # In between as well: a click that comes now should not have to wait long.
+            # Called between steps as well, so that a click does not have to wait long.
             between = partial(progress, index, len(requests), SEGMENTING)
             full = self.refined_map(low_maps[index], telling, index, method, between)
             between()
@@ -253,7 +253,7 @@ class SegmentationSession:
             box = full.voxels.box_above(full.iso)
             reaches_iso = competition.enter(full.voxels.part(box) if box else None, full.iso, box)
             thresholds.append((full.iso, reaches_iso))
-            # Before the next one is made.
+            # Frees the map before the next one is computed.
             del full
             progress(index + 1, len(requests), SEGMENTING)
         labels, geometry = competition.labels, self.volume.geometry
@@ -264,7 +264,7 @@ class SegmentationSession:
     def low_resolution_volumes_ml(
         self, requests: Sequence[ClassRequest], low_maps: Sequence[ClassMap], only_annotated_components: bool = True
     ) -> tuple[float, ...]:
-        """How large each class's segment will be, millilitres, to the size of a cell: its S_L, segmented as `segment` does."""
+        """The volume of each class's segment in millilitres, estimated on the cells: S_L, segmented as `segment` does."""
         geometry = self.features.geometry
         competition = Competition(geometry.shape, np.uint16)
         for low in low_maps:
@@ -299,7 +299,7 @@ class SegmentationSession:
         first: str,
         on_first: Callable[[ClassMap], None],
     ) -> list[ClassMap]:
-        """See `low_resolution_maps`; `parts` are those in which the classes are looked at, None for the whole."""
+        """See `low_resolution_maps`. `parts` has the part in which each class is looked at, or None for the whole volume."""
         rule, geometry = loaded.rule, loaded.features.geometry
         seen = rule.seen(requests)
         found: dict[int, ClassMap] = {}
@@ -343,7 +343,7 @@ class SegmentationSession:
 def _class_map(
     coarse: SimilarityMap, geometry: Geometry, request: ClassRequest, propose: Callable[[], IsoProposals]
 ) -> ClassMap:
-    """A map with the iso value that the user fixed, or else with the one of the size that the user chose."""
+    """A map with the iso value that the user set, else with the proposed one for the class's size."""
     if request.iso is not None:
         return ClassMap(coarse.array, geometry, request.iso)
     proposals = propose()
@@ -351,5 +351,5 @@ def _class_map(
 
 
 def _refinement(low: ClassMap, request: ClassRequest, method: RefinementMethod) -> tuple[RefinementMethod, float]:
-    """How a class's map is refined, and the threshold that is expected then: that of the chosen proposal."""
+    """The method to refine a class's map by, and the iso value to refine it for: that of the chosen proposal."""
     return method if request.refine else "none", low.proposals.chosen if low.proposals else low.iso
