@@ -1,4 +1,4 @@
-"""Which DICOM series a folder holds, in itself or below."""
+"""Finds the DICOM series in a folder or its subfolders."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ from .itk_errors import last_line
 from .volumes_of_series import IMAGE_TYPE, TRAITS, volumes_of_series
 
 MOST_ENTRIES = 50_000
-"""Files and folders below a folder that is looked through. A disk that a patient brings has some thousands; whoever names a
-whole computer by mistake is told at once."""
+"""Most files and folders that are searched. A patient's CD has some thousands; a user who names a whole disk by mistake is
+told at once."""
 
 NO_SLICES = (".nrrd", ".nii", ".nii.gz", ".mha", ".json", ".png", ".gif", ".mp4")
-"""Endings, in small letters, of results, which are no slices and may be written again and again beside a DICOM series."""
+"""Endings of results, in lower case: they are not slices, and may be written repeatedly beside a DICOM series."""
 
 SCOUT = "LOCALIZER"
-"""Among the values of a scout's image type (DICOM PS3.3, C.8.2.1.1.1). Some scanners put it into the series of the scan."""
+"""Value in a scout's image type (DICOM PS3.3, C.8.2.1.1.1). Some scanners put scouts into the series of the scan."""
 
 _START_BYTES = 1024
-"""In which a file says by what number it is known from all others (0002,0003)."""
+"""First bytes of a file, which contain its unique identifier (0002,0003)."""
 
 _FILES_OF_SYSTEMS = (".ds_store", "thumbs.db", "desktop.ini")
-"""What systems write where a folder is looked at, in small letters."""
+"""Files that operating systems write into folders that are viewed, in lower case."""
 
 FOLDERS_OF_SYSTEMS = ("system volume information", "$recycle.bin", "lost+found")
-"""Folders, in small letters, that systems put on a disk and let nobody read; those of Macs are hidden."""
+"""Folders, in lower case, that operating systems put on a disk and that nobody may read; those of Macs are hidden."""
 
 
 @dataclass(frozen=True, eq=False)
 class DicomSeries:
-    """A series of a folder, or one of several volumes in it.
+    """A series, or one of several volumes in a series.
 
     Attributes:
         slices: its files, from the lowest to the highest along the normal of the first, as GDCM sorts them.
-        part: which of the volumes in its series it is, "echo time 4.6 ms" say, or "file 0002.dcm"; "" where it is all of it.
+        part: name of the volume within its series, such as "echo time 4.6 ms" or "file 0002.dcm"; "" if it is the whole series.
     """
 
     slices: tuple[DicomSlice, ...]
@@ -52,31 +52,31 @@ class DicomSeries:
 
     @property
     def number(self) -> str:
-        """Of the series in its study, or ""."""
+        """Number of the series in its study, or ""."""
         return self.slices[0].series_number
 
     @property
     def description(self) -> str:
-        """What it is called at the scanner, or ""."""
+        """Name of the series at the scanner, or ""."""
         return self.slices[0].description
 
     @property
     def instead(self) -> str:
-        """What it is instead of a scan, as `instead_of_scan` says; "" where it may be one."""
+        """What it is if not a scan (`instead_of_scan`); "" if it may be one."""
         return next(filter(None, (each.instead for each in self.slices)), "")
 
     @property
     def size(self) -> tuple[int, int, int]:
-        """Voxels along (I, J, K), as far as all slices are like the first."""
+        """Voxels along (I, J, K), assuming that all slices have the size of the first."""
         width, height, _ = self.slices[0].size
         return width, height, sum(each.size[2] for each in self.slices)
 
     @property
     def may_be_volume(self) -> bool:
-        """Whether it has several parallel slices of a scan in shades of grey, at more than one place.
+        """Whether it has several parallel greyscale slices of a scan, at more than one position.
 
-        Surveys in several directions, scouts, photographed reports, videos, segmentations and doses do not. Slices that are
-        no stack for other reasons, such as one that is there twice, are for the user to hear of.
+        This excludes surveys in several directions, scouts, photographed reports, videos, segmentations and doses. Slices that
+        form no stack for other reasons, such as a duplicate, are not excluded: the user is told of them later.
         """
         return (
             self.size[2] > 1
@@ -92,10 +92,9 @@ class FolderContent:
     """What a folder holds.
 
     Attributes:
-        series: in the order of their numbers; of one that has several volumes at the same places, these.
-        unread: DICOM files without a slice that can be read, cut off, or reports, outlines and the like; and why, with what
-            was expected and what to do.
-        empty: files beside slices that hold nothing, and links that lead nowhere: slices, perhaps, that were not copied.
+        series: the series, in the order of their numbers; if a series has several volumes, each of these.
+        unread: DICOM files without a readable slice, such as truncated files, reports and outlines, with the reason.
+        empty: empty files and broken links beside slices: perhaps slices that were not copied.
     """
 
     series: list[DicomSeries]
@@ -104,31 +103,31 @@ class FolderContent:
 
 
 def series_files(folder: Path) -> list[Path]:
-    """The files that a DICOM series of the folder may consist of, as far as can be told without reading them, sorted.
+    """The files in a folder that may belong to DICOM series, judging without reading them completely, sorted.
 
-    They lie in the folder itself; where that holds no DICOM files, as on the disk that a patient brings, in those below, of
-    which hidden ones are passed over.
+    If the folder itself holds no DICOM files, as on a patient's CD, these are also files from its subfolders, except hidden
+    ones.
 
     Raises:
-        InputError: a folder cannot be read, or far too much lies below.
+        InputError: a folder cannot be read, or there are far too many files below it.
     """
     own = [entry for entry in _entries(folder) if entry.is_file() and not entry.name.lower().endswith(NO_SLICES)]
     return own if any(map(_is_dicom, own)) else own + [path for path in _files_below(folder) if _is_dicom(path)]
 
 
 def holds_dicom(folder: Path) -> bool:
-    """Whether the folder, or one below, holds DICOM files. Raises InputError as `series_files` does."""
+    """Whether the folder or a subfolder holds DICOM files. Raises InputError as `series_files` does."""
     return any(map(_is_dicom, series_files(folder)))
 
 
 def read_content(folder: Path) -> FolderContent:
-    """Read the headers of all DICOM files that `series_files` finds. Of a slice and its copies, one is taken.
+    """Read the headers of all DICOM files that `series_files` finds. Of identical files, only one is used.
 
     Raises:
-        InputError: a folder or file cannot be read, far too much lies below, or something in it is neither file nor folder.
+        InputError: a folder or file cannot be read, there are far too many files, or an entry is neither file nor folder.
     """
     for entry in _entries(folder):
-        # GDCM would open it, and wait.
+        # GDCM would open a pipe, for example, and wait for ever.
         if not entry.is_dir():
             check_regular_file(entry)
     by_uid: dict[str, list[DicomSlice]] = {}
@@ -145,15 +144,15 @@ def read_content(folder: Path) -> FolderContent:
 
 
 def is_of_system(name: str) -> bool:
-    """Whether a file of this name is none of the user's.
+    """Whether a file of this name was written by the operating system, not by the user.
 
-    Beside each file that a Mac copies to a shared disk or a stick, it puts one that is called the same but for `._` in front.
+    Beside each file that a Mac copies to a shared disk or a memory stick, it puts one with the same name after `._`.
     """
     return name.startswith("._") or name.lower() in _FILES_OF_SYSTEMS
 
 
 def _empty_beside(slices: list[Path]) -> list[Path]:
-    """Files in the folders of slices that hold nothing but zeros, as where a copy broke off, and links that lead nowhere."""
+    """Broken links, and files without content or with zeros only, as after an interrupted copy, in the folders of slices."""
     beside = {entry for folder in {path.parent for path in slices} for entry in folder.iterdir()} - set(slices)
     named = sorted(entry for entry in beside if not entry.name.startswith(".") and not is_of_system(entry.name))
     return [entry for entry in named if not entry.exists() or (entry.is_file() and _holds_nothing(entry))]
@@ -176,8 +175,8 @@ def _why_unread(path: Path, complaint: str) -> str:
 
 
 def _without_copies(slices: Iterable[DicomSlice]) -> Iterator[DicomSlice]:
-    """Slices of a series but for files that are the same, byte by byte, as one before, as where a disk was copied twice."""
-    # Of time points there are hundreds at one place, and of a file's first bytes some are its own: few are compared to the end.
+    """Slices of a series without those whose file is byte by byte the same as an earlier one, as after copying a CD twice."""
+    # There may be hundreds of time points, but the first bytes of different files differ: few are compared to the end.
     alike: dict[tuple[int, bytes], list[Path]] = {}
     for one in slices:
         others = alike.setdefault((one.path.stat().st_size, read_start(one.path, _START_BYTES)), [])
@@ -187,9 +186,9 @@ def _without_copies(slices: Iterable[DicomSlice]) -> Iterator[DicomSlice]:
 
 
 def _volumes(slices: list[DicomSlice], folder: Path) -> list[DicomSeries]:
-    """The volumes of one series: the files of several frames, each by itself, and what those of one frame make together.
+    """The volumes of one series: each file with several frames, and those that files with a single frame form together.
 
-    Scouts among the slices of a scan are none of them.
+    Scouts among the slices of a scan are separate volumes.
     """
     scouts, others = [one for one in slices if _is_scout(one)], [one for one in slices if not _is_scout(one)]
     if scouts and others:
@@ -214,7 +213,7 @@ def _entries(folder: Path) -> list[Path]:
     try:
         entries = sorted(folder.iterdir())
         for entry in entries:
-            # It would not be there, and its slice be missing without a word.
+            # Otherwise a path that is too long counts as missing, and so does its slice, without a warning.
             check_length(entry)
         return [entry for entry in entries if entry.exists() and not is_of_system(entry.name)]
     except OSError as error:
@@ -222,7 +221,7 @@ def _entries(folder: Path) -> list[Path]:
 
 
 def _files_below(folder: Path) -> list[Path]:
-    """Ordinary files in all folders below, sorted. Links to folders are passed over: they may lead in a circle."""
+    """Regular files in all subfolders, sorted. Links to folders are skipped, since they may form a cycle."""
     files, count = [], 0
     to_do = _folders_among(_entries(folder))
     while to_do:
@@ -245,7 +244,7 @@ def _folders_among(entries: list[Path]) -> list[Path]:
 
 
 def _is_junction(folder: Path) -> bool:
-    """Whether it is Windows' older kind of link, as *My Pictures* in *Documents* is, which nobody may look into."""
+    """Whether a folder is a junction, Windows' older kind of link; those such as *My Pictures* cannot be read."""
     tag = getattr(folder.lstat(), "st_reparse_tag", 0)
     return bool(tag) and tag == getattr(stat, "IO_REPARSE_TAG_MOUNT_POINT", None)
 

@@ -1,10 +1,10 @@
 """Resamples scans to a straight grid if their slices were taken by a tilted gantry or at uneven distances.
 
 With a tilted gantry, slices are at a slant to the movement of the table, so that each one is shifted within its plane against
-the one before. Distances are uneven if, for example, the base of the skull was scanned more finely than the rest of the head, or
-if slices are missing. On the straight grid, every slice lies where it was taken. Between two slices, the image is interpolated
-along the lines from each pixel of one to the same pixel of the other, which is the direction of the table and so of the patient.
-3D Slicer shows such scans in the same way, by a transform.
+the one before. Distances are uneven if, for example, the base of the skull was scanned more finely than the rest of the head,
+or if slices are missing. On the straight grid, every slice lies where it was taken. Between two slices, the image is
+interpolated along the lines from each pixel of one to the same pixel of the other, which is the direction of the table and so
+of the patient. 3D Slicer shows such scans in the same way, by a transform.
 """
 
 from __future__ import annotations

@@ -1,15 +1,15 @@
-"""The bilateral grid: voxels that are near each other in space and in intensity share one cell, and become one unknown.
+"""The bilateral grid: voxels that are near each other in space and in intensity share a cell, which is one unknown.
 
 A 4D grid over (K, J, I, luma). Spatial cells are whole numbers of voxels; luma cells are centred on the multiples of
 `sigma_luma`, in units of the intensity window. A voxel's place in the dense grid is arithmetic: nothing is sorted or hashed.
 
-The grid is walked in layers, all cells with the same K, or in runs of small ones, and their voxels in pieces of a few slices
-or rows: what either needs stays in the processor's cache, and no temporary has the volume's or the dense grid's size.
-Unoccupied cells pad every row and column of a layer, so that neighbours are found without looking for borders; voxels that take
-no part are counted into padding.
+The grid is processed in layers (all cells with the same K) or, if these are small, in runs of several layers; their voxels are
+processed in pieces of a few slices or rows. So the data of each step stays in the processor's cache, and no temporary has the
+size of the volume or of the dense grid. Unoccupied cells pad every row and column of a layer, so that neighbours can be read
+without checks for borders; voxels that take no part are added to padding.
 
-Cells are coloured red and black like a chessboard: every neighbour of a red cell is black, and the other way round. The padding
-makes every stride odd, so that a cell's colour is the parity of its layer and of its place in it.
+Cells are coloured red and black like a chessboard: every neighbour of a red cell is black, and vice versa. The padding makes
+every stride odd, so that a cell's colour is the parity of the sum of its layer and its place in the layer.
 """
 
 from __future__ import annotations
@@ -31,26 +31,26 @@ if TYPE_CHECKING:
     from ..core.volumes.geometry import Box
 
     Piece = tuple[slice, slice]
-    """Slices and rows, along K and J, with all that they hold along I."""
+    """Ranges of slices (along K) and rows (along J), with all voxels along I."""
 
 DIMENSIONS = 4
 PIECE_VOXELS = 2**17
-"""Half a megabyte for each number that a voxel has: a piece's temporaries stay in the cache of one processor core."""
+"""Most voxels of a piece. At 4 bytes a voxel, each temporary has half a megabyte and stays in the cache of a core."""
 RUN_CELLS = 2**17
-"""Of small layers, so many cells are walked through at once: half a megabyte for each number that a cell has."""
+"""Cells that are processed at once if layers are small; half a megabyte for each temporary as well."""
 MAX_DENSE_CELLS = 2**27
-"""Bounds the dense grid, every layer of which is walked through. A 600³ volume in cells of 5 voxels fits twice."""
+"""Most cells of the dense grid. A volume of 600³ voxels in cells of 5 voxels fits twice."""
 
 
 @dataclass(frozen=True)
 class GridLayout:
-    """How many cells there are, and which voxels lie in which: integers only.
+    """The number of cells, and the assignment of voxels to cells, in integers.
 
     Attributes:
-        voxels: volume shape, (K, J, I).
+        voxels: shape of the volume, (K, J, I).
         cell_voxels: voxels along each edge of a spatial cell, (K, J, I).
-        luma_cells: cells along luma.
-        before: voxels of the first cells that lie before the volume, (K, J, I).
+        luma_cells: number of cells along luma.
+        before: by how many voxels the first cells begin before the volume, (K, J, I).
     """
 
     voxels: tuple[int, int, int]
@@ -67,9 +67,9 @@ class GridLayout:
         sigma_luma: float,
         from_end: tuple[bool, bool, bool] = (False, False, False),
     ) -> GridLayout:
-        """The layout whose cells come nearest to `sigma_spatial_mm` along every axis, and measure `sigma_luma` of the window.
+        """The layout whose cells are as near to `sigma_spatial_mm` as possible along each axis, and have `sigma_luma` in luma.
 
-        Cells begin with the first voxel along each axis, or, where they do `from_end`, with the last.
+        Along each axis, the first cell begins with the first voxel; if `from_end`, the last cell ends with the last voxel.
 
         Raises:
             InputError: the grid would be too large to hold.
@@ -87,7 +87,7 @@ class GridLayout:
     def sigma_that_fits_mm(
         cls, voxels: tuple[int, int, int], spacing_mm: tuple[float, float, float], sigma_spatial_mm: float, sigma_luma: float
     ) -> float:
-        """`sigma_spatial_mm`, or about the least one beyond it, for which `of_sigmas` has a layout."""
+        """`sigma_spatial_mm` if `of_sigmas` has a layout for it, else about the smallest larger one for which it has."""
         longest_mm = max(n * s for n, s in zip(voxels, spacing_mm, strict=True))
         fits = sigma_spatial_mm
         while fits < longest_mm and cls._of_sigmas(voxels, spacing_mm, fits, sigma_luma).dense_cells > MAX_DENSE_CELLS:
@@ -98,8 +98,8 @@ class GridLayout:
     def _of_sigmas(
         cls, voxels: tuple[int, int, int], spacing_mm: tuple[float, float, float], sigma_spatial_mm: float, sigma_luma: float
     ) -> GridLayout:
-        """As `of_sigmas`, however large."""
-        # Larger than the volume is as large as the volume; said here so that an infinite ratio needs no case of its own.
+        """As `of_sigmas`, but without a limit of its size."""
+        # Cells are at most as large as the volume, which also covers infinite ratios.
         edges = [max(1, round(min(sigma_spatial_mm / s, n))) for s, n in zip(spacing_mm, voxels, strict=True)]
         return cls(voxels, (edges[0], edges[1], edges[2]), math.floor(min(1.0 / sigma_luma, 2.0**31) + 0.5) + 1)
 
@@ -135,12 +135,12 @@ class GridLayout:
         return [(layer, self.slices(slice(layer, layer + 1))) for layer in range(self.cells[0])]
 
     def runs(self) -> list[slice]:
-        """All layers of cells, some at a time: about `RUN_CELLS` cells, and one layer at least."""
+        """All layers of cells in runs of about `RUN_CELLS` cells, but at least one layer."""
         count, end = max(RUN_CELLS // self.layer_size, 1), self.cells[0]
         return [slice(start, min(start + count, end)) for start in range(0, end, count)]
 
     def slices(self, layers: slice) -> slice:
-        """The voxels of some layers along K."""
+        """The voxels along K of a range of layers."""
         return self._along(0, layers)
 
     def extents(self, cells: Box) -> Box:
@@ -157,7 +157,7 @@ class GridLayout:
         return replace(self, voxels=(k, j, i), before=(before_k, before_j, before_i))
 
     def _along(self, axis: int, cells: slice) -> slice:
-        """The voxels of some cells along an axis."""
+        """The voxels of a range of cells along an axis."""
         edge, before = self.cell_voxels[axis], self.before[axis]
         return slice(max(cells.start * edge - before, 0), min(cells.stop * edge - before, self.voxels[axis]))
 
@@ -181,7 +181,7 @@ class VoxelCells:
     active: Tensor | None = None
 
     def pieces(self, slices: slice) -> Iterator[Piece]:
-        """Slices divided into pieces of `PIECE_VOXELS` or less, though not less than a row; on a GPU, all in one piece."""
+        """Slices divided into pieces of at most `PIECE_VOXELS`, but at least one row; on a GPU, all in one piece."""
         _, rows, columns = self.layout.voxels
         most = PIECE_VOXELS if self.intensities.device.type == "cpu" else math.prod(self.layout.voxels)
         slice_step, row_step = max(1, most // (rows * columns)), min(rows, max(1, most // columns))
@@ -190,7 +190,7 @@ class VoxelCells:
                 yield slice(k, min(k + slice_step, slices.stop)), slice(j, min(j + row_step, rows))
 
     def taking_part(self, piece: Piece) -> Tensor | None:
-        """(slices, rows, I) bool: whether the voxels of a piece take part; None where all do."""
+        """(slices, rows, I) bool: whether the voxels of a piece take part; None if all do."""
         import torch
 
         part = None

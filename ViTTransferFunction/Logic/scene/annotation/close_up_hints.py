@@ -1,6 +1,6 @@
-"""Which structures a closer look may find better: those whose extent is vague in the whole scan, or that are small in it.
+"""Decides when to suggest a closer look: for structures whose extent is vague in the whole scan, or that are small in it.
 
-Those that begin with an outline are looked at closely unasked, where the outline itself says that they should be.
+For structures that begin with an outline, it decides from the outline when a closer look begins by itself.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from .annotations import SceneAnnotations
 from .asked_maps import AskedMaps
 
 Placed = tuple[Polarity, Point]
-"""A point as a class has it."""
+"""A point of a class, with its polarity."""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What a map of a class says of a closer look.
+    """What a class's map says about a closer look.
 
     Attributes:
         cells: the map.
-        has_box: whether a close-up would not be too large.
+        has_box: whether a close-up is possible, that is, not too large.
         vague: see `is_vague`.
     """
 
@@ -48,13 +48,13 @@ class Judgement:
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A diameter or an outline of a class: what placed points on it and off it in one step.
+    """A diameter or an outline of a class; recognised as a step that placed points inside and outside at once.
 
     Attributes:
-        points: of it.
-        before: those that were there already.
-        outline: (N, 3) RAS millimetres in the scene; None: it is a diameter, or it is not known.
-        judged: whether the outline was compared with what is shown, which is done once.
+        points: the points that it placed.
+        before: the points that the class had before.
+        outline: (N, 3) RAS millimetres in the scene; None: it is a diameter, or the outline is not known.
+        judged: whether the outline was compared with the shown map, which is done once.
     """
 
     points: frozenset[Placed]
@@ -64,25 +64,25 @@ class Drawn:
 
     @property
     def points_ras(self) -> np.ndarray:
-        """(N, 3) millimetres in the scene."""
+        """The points that it placed, (N, 3) RAS millimetres in the scene."""
         return np.array([point for _, point in self.points])
 
     @property
     def begins(self) -> bool:
-        """Whether it is the outline that a structure begins with."""
+        """Whether it is an outline that was drawn before the class had any points."""
         return self.outline is not None and not self.before
 
 
 class CloseUpHints:
-    """Judges the maps of classes, and keeps in mind how these were drawn and which were looked at closely.
+    """Judges the maps of classes, and remembers how classes were drawn and which were looked at closely.
 
-    None of what is kept in mind is saved: it speaks of what the user sees now.
+    Nothing of this is saved, because it only concerns what the user sees now.
 
     Args:
-        parameters: say which volume.
+        parameters: give the chosen volume.
         annotations: hold the classes.
-        volume: is being looked at.
-        maps: that were asked for last.
+        volume: the open volume.
+        maps: has the last requests.
         proxy: has the maps that are shown.
     """
 
@@ -148,16 +148,15 @@ class CloseUpHints:
         return close_ups
 
     def of(self, state: ClassState) -> CloserLookReason | None:
-        """Why a class should be looked at closer, as far as one can tell; None: no reason is known, or it cannot be.
+        """Why to look closer at a class; None: there is no known reason, or a close-up is not possible.
 
-        "small outline": it is, without having been asked for; until the class gets other points.
+        - "small outline": a closer look has begun by itself; given until the class gets other points.
+        - "small drawing": the last points are a diameter or an outline that is small.
+        - "vague extent": the newest map hardly tells how far the structure reaches.
 
-        Whether it is small, thin or compact, its user knows. The other reasons hold only before its first close-up:
-
-        - "small drawing": what was placed last is a diameter or an outline, which is small.
-        - "vague extent": how far it reaches, its newest map hardly tells.
-
-        An outline that it begins with gives neither: whether a closer look is worth it then, is judged without the user.
+        The last two are suggestions, given only before the class's first close-up: whether the structure is small, thin or
+        compact, only the user knows. They are not given for a structure that begins with an outline, because a closer look
+        begins by itself there if it is worth it.
         """
         if state.close_up is not None and self._unasked.get(state.id) == frozenset(_placed(state)):
             return "small outline"
@@ -183,13 +182,13 @@ class CloseUpHints:
             then, now = getattr(was, polarity), getattr(state, polarity)
             new = [point for point in now if (polarity, point) not in known]
             known.update((polarity, point) for point in new)
-            if new and len(then) != len(now):  # Else it was moved.
+            if new and len(then) != len(now):  # Otherwise a point was moved.
                 added[polarity] = new
         if len(added) == len(get_args(Polarity)):
             self._drawn[state.id] = _drawn(was, added)
 
     def _judgement(self, id_: str) -> Judgement | None:
-        """By a class's newest map; while one is awaited, by the one before."""
+        """The judgement of a class's newest map; while a map is awaited, that of the one before."""
         cells, request, content = self._proxy.low_maps.get(id_), self._maps.requests.of(id_), self._volume.content
         if cells is None or request is None or content is None:
             return None
@@ -204,12 +203,12 @@ class CloseUpHints:
         return judged
 
     def _drawn_last(self, state: ClassState) -> Drawn | None:
-        """A class's diameter or outline, if all of it is there and nothing was placed since."""
+        """A class's last diameter or outline, if all of its points exist and no point was placed since."""
         drawn, placed = self._drawn.get(state.id), set(_placed(state))
         return drawn if drawn is not None and drawn.points <= placed <= drawn.before | drawn.points else None
 
     def _unasked_close_up(self, state: ClassState) -> CloseUp | None:
-        """The box of a class that begins with a small outline and is shown as something else; None: it stays in the whole."""
+        """The close-up of a class that begins with a small outline and whose map differs from it; None: no close-up."""
         volume, content, request = self._parameters.volume, self._volume.content, self._maps.requests.of(state.id)
         drawn = self._drawn.get(state.id)
         if volume is None or content is None or request is None or drawn is None or not drawn.begins or drawn.judged:
@@ -224,7 +223,7 @@ class CloseUpHints:
 
 
 def _drawn(was: ClassState, added: dict[Polarity, list[Point]]) -> Drawn:
-    """What added points on and off a class in one step."""
+    """The drawing that added these points to a class in one step."""
     placed = frozenset((polarity, point) for polarity, points in added.items() for point in points)
     return Drawn(placed, frozenset(_placed(was)))
 

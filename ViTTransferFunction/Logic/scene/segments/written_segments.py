@@ -1,7 +1,7 @@
-"""What was written into a segmentation, as its node notes it: by attributes, which are saved with the scene alone.
+"""Notes in a segmentation's node about what was written into it: attributes, which are saved with the scene only.
 
-By these, segments whose classes were removed in this scene are told from finished ones that came in a file of segments, which
-have no such note and are somebody else's; and segments that are as the structures are now from those that are not any more.
+They distinguish segments of classes that were removed in this scene from segments that came in a file, which have no such note
+and belong to somebody else; and segments that are up to date with the classes from those that are not.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from .segment_tags import segments_of_classes
 CLASSES_ATTRIBUTE = "ViTTransferFunction.writtenClasses"
 """Ids of the classes that were written there, percent-encoded, with spaces between."""
 SOURCE_ATTRIBUTE = "ViTTransferFunction.writtenFrom"
-"""What the segments were made from when they were written last (`WrittenSegments.source_now`)."""
+"""What the segments were made from when they were last written (`WrittenSegments.source_now`)."""
 FRAME_ATTRIBUTE = "ViTTransferFunction.writtenFrame"
-"""Where the volume is a sequence: the number of the frame that they are of, from 1."""
+"""If the volume is a sequence, the number of the frame that was segmented, from 1."""
 DECISIVE = ("preset", "model", "grid", "refinement", "onlyAnnotatedParts", "respectOtherSegments")
-"""Parameters that segments follow from. Device and file of weights are those of a computer; `window` says its own."""
+"""Parameters that segments depend on, beside the window. Device and weights file differ between computers and do not count."""
 DECIMALS = 3
-"""Of millimetres and colours: a file and a transform there and back change the digits behind, and no voxel."""
+"""Decimals of millimetres and colours that count: files and transforms change further ones, which affect no voxel."""
 SAME_PLACE = 1e-5
-"""Of the volume's size: a corner that lies so little elsewhere was rounded in a file, NIfTI's 32 bits say, and not moved."""
+"""Share of the volume's size by which a corner may deviate, since files round positions (NIfTI to 32 bits)."""
 
 
 class WrittenSegments:
     """The segments of a session's classes in the chosen segmentation, and the classes as they are now.
 
     Args:
-        parameters: say which segmentation, and what segments follow from.
-        classes: of the session.
-        requests: what is asked for of them.
-        voxels: a digest of those of the volume; empty where it is not known.
+        parameters: give the chosen segmentation, and the settings that segments depend on.
+        classes: returns the session's classes.
+        requests: returns their requests.
+        voxels: returns a digest of the volume's voxels; "" if it is not known.
     """
 
     def __init__(
@@ -62,13 +62,13 @@ class WrittenSegments:
 
     @property
     def exist(self) -> bool:
-        """Whether there are any, also of classes that are gone."""
+        """Whether there are segments, including those of classes that are gone."""
         node = self._parameters.segmentation
         return node is not None and bool(self._of({state.id for state in self._classes()} | self._written))
 
     @property
     def outdated(self) -> bool:
-        """Whether they are not those of the classes as they are now, so that writing again would change them."""
+        """Whether the segments differ from the present classes, so that writing again would change them."""
         if self._parameters.volume is None or not self.exist:
             return False
         asked = {request.id for request in self._requests()}
@@ -76,26 +76,26 @@ class WrittenSegments:
 
     @property
     def left(self) -> dict[str, str]:
-        """By class that is gone or has no point: IDs of segments that the next writing removes unless they were corrected."""
+        """IDs of segments, by class, whose class is gone or has no point: the next writing removes those not corrected."""
         gone = self._written - {state.id for state in self._classes() if state.positive}
         return self._of(gone) if gone else {}
 
     @property
     def source(self) -> str:
-        """What they were made from (see `source_now`), which is another text when others are written; empty: there are none."""
+        """What the segments were made from (see `source_now`); "" if there are none."""
         return self._parameters.segmentation.GetAttribute(SOURCE_ATTRIBUTE) or "" if self.exist else ""
 
     @property
     def source_now(self) -> str:
-        """What segments would be made from now.
+        """A text that identifies what segments would be made from now.
 
-        This is `source_digest`, where the volume lies, and the digest of its voxels where that is known.
+        It consists of `source_digest`, the position of the volume, and the digest of its voxels if that is known.
         """
         digest = source_digest(self._classes(), self._requests(), self._parameters)
         return f"{digest}@{_place(self._parameters.volume)} {self._voxels()}".rstrip()
 
     def of(self, id_: str) -> str | None:
-        """ID of the segment that a class was written to; None where there is none."""
+        """ID of the segment that a class was written to; None if there is none."""
         return self._of({id_}).get(id_) if self._parameters.segmentation else None
 
     @property
@@ -108,7 +108,7 @@ class WrittenSegments:
 
 
 def note_written(segmentation_node: Any, class_ids: Collection[str], source: str, volume_node: Any) -> None:
-    """Note that classes were written, made from `source`, of a volume, and of the frame of it that it shows."""
+    """Note that classes were written, from which `source`, volume and frame of it."""
     _note_classes(segmentation_node, written_classes(segmentation_node, volume_node) | set(class_ids))
     segmentation_node.SetAttribute(SOURCE_ATTRIBUTE, source)
     set_volume_of(segmentation_node, volume_node)
@@ -122,9 +122,9 @@ def _note_classes(segmentation_node: Any, class_ids: Collection[str]) -> None:
 
 
 def written_classes(segmentation_node: Any, volume_node: Any) -> set[str]:
-    """Ids of the classes that were written there, of a volume; not of those whose segments are finished (`finish_segments`).
+    """Ids of a volume's classes that were written there, except those whose segments are finished (`finish_segments`).
 
-    What was written of another volume is finished, as far as this one is concerned: its classes are others.
+    If the segmentation is of another volume, there are none.
     """
     if volume_node is not None and volume_of(segmentation_node) is not volume_node:
         return set()
@@ -132,24 +132,24 @@ def written_classes(segmentation_node: Any, volume_node: Any) -> set[str]:
 
 
 def finish_segments(segmentation_node: Any, present: Collection[str]) -> None:
-    """Have the segments of classes that are not `present` any more stay as they are, whatever is written there later."""
+    """Finish the segments of classes that are not `present` any more: later writing leaves them as they are."""
     _note_classes(segmentation_node, written_classes(segmentation_node, volume_of(segmentation_node)) & set(present))
 
 
 def finish_segments_elsewhere(volume_node: Any, class_ids: Collection[str]) -> None:
-    """Have what was written of classes for other volumes stay as it is: they belong to this one from now on."""
+    """Finish what was written for these classes in segmentations of other volumes: they belong to this volume now."""
     for node in nodes_of_class(volume_node.GetScene(), REFERENCES["segmentation"]):
         if volume_of(node) is not volume_node:
             finish_segments(node, written_classes(node, volume_of(node)) - set(class_ids))
 
 
 def choose_segmentation_of(volume_node: Any, parameters: SceneParameters) -> bool:
-    """Choose the segmentation that gets segments of a volume, or frame of it, which is chosen now (`segmentation_for`).
+    """Choose the segmentation for a volume, or a frame of it, that has just been chosen (`segmentation_for`).
 
-    It is seen then, and the one that was chosen before is not: that is of another picture.
+    The segmentation is shown, and the former one, which belongs to another image, is hidden.
 
     Returns:
-        Whether it is another one, which was written before.
+        Whether another segmentation was chosen that has segments already.
     """
     before = parameters.segmentation
     node = segmentation_for(volume_node, before)
@@ -164,12 +164,12 @@ def choose_segmentation_of(volume_node: Any, parameters: SceneParameters) -> boo
 
 
 def segmentation_for(volume_node: Any, chosen: Any) -> Any:
-    """The segmentation that gets segments of a volume, or frame of it, which is chosen now in place of another one, or of none.
+    """The segmentation for the segments of a volume, or a frame of it, that has just been chosen; None: a new one.
 
-    The results of one scan are not to be overwritten by those of the next: where the chosen segmentation has some, it is the
-    one that has those of this volume, of several the latest, or None, a new one. Somebody else's, which has none, stays.
+    The segments of one scan must not be overwritten by those of the next. If the chosen segmentation has segments of another
+    scan, the latest one with segments of this volume is returned, or None. If it has none of ours, it stays the chosen one.
 
-    Frames of a sequence are as several scans, unless the segmentation is a sequence, too, which changes with them.
+    Frames of a sequence count as different scans, unless the segmentation is a sequence that changes with them.
     """
     if chosen is not None and (not _was_written(chosen) or _is_of(chosen, volume_node)):
         return chosen
@@ -190,14 +190,14 @@ def _is_of(segmentation_node: Any, volume_node: Any) -> bool:
 
 
 def source_digest(states: Sequence[ClassState], requests: Sequence[ClassRequest], parameters: SceneParameters) -> str:
-    """Of all that segments follow from, with their names and colours: the same as long as writing again would change nothing.
+    """A digest of all that segments depend on, and of their names and colours: it changes if writing again would change them.
 
-    The voxels of the volume and its place are not in it, only which volume it is.
+    Of the volume, only the node's ID is part of it, not the voxels and their position.
 
     Args:
         states: the classes.
-        requests: what is asked for of them.
-        parameters: say which volume, and how.
+        requests: their requests.
+        parameters: give the volume and the settings.
     """
     looks = {state.id: (state.name, _rounded(state.color)) for state in states}
     # While a scene is closed, requests may be of classes that are gone already.
@@ -209,7 +209,7 @@ def source_digest(states: Sequence[ClassState], requests: Sequence[ClassRequest]
 
 
 def _are_alike(source: str, other: str) -> bool:
-    """Whether the same segments follow from both; what is not known (yet) of voxels and place is taken to be the same."""
+    """Whether both sources give the same segments. Voxels and positions that are not known (yet) are taken to be equal."""
     (made_from, _, voxels), (other_made_from, _, other_voxels) = source.partition(" "), other.partition(" ")
     (classes, _, place), (other_classes, _, other_place) = made_from.partition("@"), other_made_from.partition("@")
     alike = classes == other_classes and (not voxels or not other_voxels or voxels == other_voxels)
@@ -217,7 +217,7 @@ def _are_alike(source: str, other: str) -> bool:
 
 
 def _place(volume_node: Any) -> str:
-    """Where a volume's voxels lie in its local frame: four corners, RAS millimetres, as a text without spaces."""
+    """Position of a volume's voxels in its local frame: four corners, RAS millimetres, as a text without spaces."""
     image = volume_node.GetImageData() if volume_node is not None else None
     if image is None:
         return ""
@@ -241,6 +241,6 @@ def _values(request: ClassRequest) -> tuple[Any, ...]:
 
 
 def _rounded(numbers: Any) -> bytes:
-    # The sum makes zero of minus zero.
+    # The sum turns minus zero into zero.
     rounded: np.ndarray = np.round(np.asarray(numbers, dtype=np.float64), DECIMALS) + 0.0
     return rounded.tobytes()

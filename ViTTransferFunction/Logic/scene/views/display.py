@@ -1,4 +1,4 @@
-"""What the views show of a session: overlay and contours in the slice views, a rendering in the 3D views."""
+"""Shows a session in the views: overlay and contours in the slice views, a rendering in the 3D views."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from .rendering import ClassRendering
 
 
 class SceneDisplay:
-    """Derived nodes, which are made when they are first needed and taken away in the end.
+    """Shows maps and structures by derived nodes, which are made when they are first needed.
 
     Args:
         scene: the scene.
-        app_logic: the application's logic, which has those of the slice views and of the volume rendering.
+        app_logic: the application's logic, which has the logics of slice views and volume rendering.
         windows_3d: the vtkRenderWindows of the 3D views that are shown.
     """
 
@@ -57,10 +57,10 @@ class SceneDisplay:
     ) -> bool:
         """Show the contours of these classes, and the map of the one whose id is `overlaid` as a coloured overlay.
 
-        The overlay is there at once; contours follow by `advance`, first that of the same class, then all others together.
+        The overlay is shown at once. `advance` shows the contours, first that of the same class, then all others together.
 
         Returns:
-            Whether it is another overlay than before.
+            Whether the overlay has changed.
         """
         self._follow(volume)
         first = sorted(shown, key=lambda of_class: of_class.class_id != overlaid)
@@ -74,7 +74,7 @@ class SceneDisplay:
         return self._overlaid is not overlay_before
 
     def show_proposals(self, volume: slicer.vtkMRMLScalarVolumeNode, proposals: Proposals | None) -> None:
-        """Show the outlines of a class's other proposals, when everything else is shown; None: of no class."""
+        """Show the outlines of a class's other proposals after everything else; None: show none."""
         self._proposals.show(volume, proposals)
 
     def show_rendering(
@@ -85,15 +85,13 @@ class SceneDisplay:
         surroundings: Surroundings,
         cut: Any,
     ) -> None:
-        """Show structures in the 3D views; None: nothing.
-
-        Where they are shown already and only look otherwise, they do at once.
+        """Show structures in the 3D views; if they are shown already, only change their look.
 
         Args:
-            volume: which they are of.
-            rendering: the structures.
-            looks: how they look, in the order of their numbers.
-            surroundings: how what belongs to none looks.
+            volume: the volume that was segmented.
+            rendering: the structures; None: show none.
+            looks: their looks, in the order of their numbers.
+            surroundings: the look of what belongs to no structure.
             cut: see `ClassRendering.cut`.
         """
         if rendering is None:
@@ -104,7 +102,7 @@ class SceneDisplay:
         look = tuple(looks), surroundings
         rendered, looked, left_out = self._rendered, self._look, self._left_out
         hidden = _hidden(looks, surroundings)
-        # First, so that what cannot be shown is not tried again and again.
+        # Set before showing, so that a rendering that cannot be shown is not tried again and again.
         self._rendered, self._look = rendering, look
         if rendered is not rendering or left_out - hidden:
             self._left_out = hidden
@@ -119,7 +117,7 @@ class SceneDisplay:
         self._rendering.look_in_new_views()
 
     def export_rendering(self, name: str) -> slicer.vtkMRMLVectorVolumeNode | None:
-        """Nodes that go on showing what 3D views show now, without us; the volume among them. None: they show nothing."""
+        """See `ClassRendering.export`."""
         return self._rendering.export(name)
 
     @property
@@ -134,7 +132,7 @@ class SceneDisplay:
         return self._rendering.drawing_quickly
 
     def advance(self) -> None:
-        """Go on with what is still to be shown: some hundredths of a second of work."""
+        """Do some hundredths of a second of the work that is left."""
         self._rendering.draw_in_full_at_rest()
         lacking = [of_class for of_class in self._shown.values() if self._lacks_outline(of_class)]
         begun = [of_class for of_class in lacking if self._outlining and of_class.map is self._outlining[0].map]
@@ -144,7 +142,7 @@ class SceneDisplay:
             self._proposals.advance()
 
     def _follow(self, volume: slicer.vtkMRMLScalarVolumeNode) -> None:
-        """From now on this volume is meant, under the transform that it has."""
+        """Take over the volume and its transform; if either is another one, everything has to be shown again."""
         before = self._volume, self._transform
         self._volume, self._transform = volume, volume.GetTransformNodeID() or ""
         if (self._volume, self._transform) != before:
@@ -155,7 +153,7 @@ class SceneDisplay:
         return outlined is None or not of_class.is_like(outlined[0])
 
     def _outline(self, of_class: ShownMap) -> None:
-        """Go on to make the contour of one class; the others stay as they are."""
+        """Compute some more of one class's contour, and show it when it is complete."""
         outlined = self._outlined.get(of_class.class_id)
         if outlined is not None and outlined[0].map is of_class.map:
             self._take_outline(of_class, outlined[1])
@@ -168,7 +166,7 @@ class SceneDisplay:
             self._take_outline(of_class, work.result or [])
 
     def _take_outline(self, of_class: ShownMap, surface: Surface) -> None:
-        """Show it at once if it is the first one's, else with the last that is lacking: each time, views cut all anew."""
+        """Show a contour at once if it is the first class's, else when none is missing: views cut all contours each time."""
         self._outlined[of_class.class_id] = of_class, surface
         is_first = of_class is next(iter(self._shown.values()))
         if is_first or not any(self._lacks_outline(other) for other in self._shown.values()):
@@ -190,7 +188,7 @@ class SceneDisplay:
         self._overlay.show(self._volume, of_class.map, of_class.color, opacity)
 
     def hide(self) -> None:
-        """Show nothing."""
+        """Hide everything."""
         self._overlay.hide()
         self._contours.hide()
         self._proposals.hide()
@@ -198,7 +196,7 @@ class SceneDisplay:
         self._forget()
 
     def remove(self) -> None:
-        """Take all that was made out of the scene."""
+        """Remove all nodes of this display from the scene."""
         self._overlay.remove()
         self._contours.remove()
         self._proposals.remove()
@@ -211,9 +209,9 @@ class SceneDisplay:
 
 
 def _hidden(looks: Sequence[Appearance], surroundings: Surroundings) -> frozenset[int]:
-    """Indices of the structures that a click is not to meet, since nothing of them is seen.
+    """Indices of the invisible structures, which clicks must pass through.
 
-    Where what is around structures is seen, it is seen in the place of hidden ones, too, and clicks meet these.
+    If surroundings are visible, there are none: surroundings are seen in place of invisible structures, and clicks hit them.
     """
     if surroundings.visible:
         return frozenset()
