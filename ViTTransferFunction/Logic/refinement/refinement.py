@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     from .upsampling import Upsampling
 
 SIGMA_SHARE_OF_CELL = 0.6
-"""Spatial σ of the bilateral solver in feature cells: what is to be put right is as wide as they are."""
+"""Spatial σ of the bilateral solver in feature cells: the errors of S_L are about as wide as a cell."""
 SURROUNDINGS_CELLS = 2.0
-"""What a structure's intensities are told apart from lies within so many feature cells of its box (`settling`)."""
+"""Margin in feature cells around a structure's box; intensities there count as its surroundings (`settling`)."""
 
 FILTER_BODY_MM = 96.0
-"""Where the longest edge is shorter, the guided filter looks less far, in proportion: its millimetres are of bodies, and more
-than all of what is imaged by a microscope. By `body_scale` it would look too far there."""
+"""In volumes whose longest edge is shorter, the guided filter's radius is smaller in proportion: it suits human bodies, and
+exceeds the whole image of a microscope. With `body_scale` it would still be too large there."""
 
 
 def refine(
@@ -49,22 +49,22 @@ def refine(
 ) -> VoxelMap:
     """Upsample a class's map and sharpen it against the volume's intensities.
 
-    First the map of every voxel near the structure is multiplied by the likelihood ratio of its intensity
-    (`intensity_likelihood`), then smoothed along with that of voxels like it.
+    First the map's value at every voxel near the structure is multiplied by the likelihood ratio of the voxel's intensity
+    (`intensity_likelihood`), then it is smoothed together with the values of similar voxels.
 
     Args:
         similarity: S_L, (K', J', I') float32 in [0, 1], on cells that fill the volume's box.
         volume: the intensities.
         display: the window in which a person would look at them (`display_window`).
-        positive_ras: (N, 3) RAS millimetres, points on the structure: its intensities are the ones to tell apart.
-        iso: threshold that will be applied, which says where the surface will be.
+        positive_ras: (N, 3) RAS millimetres, points on the structure; their intensities choose the window (`class_window`).
+        iso: threshold that will be applied to the map, so that its surface will be there.
         method: "bilateral": 3D bilateral solver; "guided": 3D guided filter; "none": trilinear upsampling alone.
         between: called between steps; may raise `Cancelled`.
-        lowest_iso: the lowest threshold that will be applied to the map, where that is not `iso`: what lies near its surface
-            is refined as well.
+        lowest_iso: the lowest threshold that will be applied to the map, if not `iso`: voxels near its surface are refined as
+            well.
 
     Returns:
-        S_H, of which only what was refined is held in memory, and what its surface may settle in.
+        S_H. Only the refined box, and a margin in which the surface may settle, are held in memory.
 
     Raises:
         InputError: there is no such method.
@@ -116,7 +116,7 @@ def _interpolated_part(upsampling: Upsampling, box: Box, between: Between) -> np
 def held_voxels(
     similarity: np.ndarray, shape: tuple[int, int, int], iso: float, method: RefinementMethod, lowest_iso: float | None
 ) -> int:
-    """How many voxels `refine` will hold of a class's map; see there."""
+    """The number of voxels that `refine` will hold in memory; for arguments, see there."""
     box = None if method == "none" else active_box(similarity > _near(iso, lowest_iso), shape)
     if box is None:
         return 0
@@ -128,22 +128,22 @@ def _near(iso: float, lowest_iso: float | None) -> float:
 
 
 def _held_part(box: Box, shape: tuple[int, int, int], cells: Sequence[int]) -> Box:
-    """The part of a map that is held in memory, where `box` of it is refined: as far as its surface may settle."""
+    """The box that is held in memory if `box` is refined: larger by the margin in which the surface may settle."""
     return grown(box, surroundings(shape, cells), whole_box(shape))
 
 
 def surroundings(shape: Sequence[int], cells: Sequence[int]) -> list[int]:
-    """Voxels around a structure's box, along (K, J, I): what it is told apart from, and as far as it grows.
+    """Margin around a structure's box in voxels, along (K, J, I): its surroundings, and the space into which it may grow.
 
     Args:
-        shape: of the volume, (K, J, I).
-        cells: so many fill the same box, (K', J', I').
+        shape: shape of the volume, (K, J, I).
+        cells: shape of the grid of cells on the same box, (K', J', I').
     """
     return [max(round(SURROUNDINGS_CELLS * edge), STEPS) for edge in cell_voxels(shape, cells)]
 
 
 def cell_voxels(shape: Sequence[int], cells: Sequence[int]) -> list[float]:
-    """Edges of a feature cell in voxels, along (K, J, I), where a volume of `shape` is filled by so many `cells`."""
+    """Edges of a feature cell in voxels, along (K, J, I), if a volume of `shape` is divided into this many `cells`."""
     return [n / count for n, count in zip(shape, cells, strict=True)]
 
 
@@ -159,7 +159,7 @@ def _refine_part(
     between: Between,
 ) -> None:
     """Refine the map of a box, (K, J, I) float32, in place."""
-    # A view: the intensities are read piece by piece. Where it is mirrored, PyTorch cannot read it.
+    # A view, because the intensities are read piece by piece. PyTorch cannot read mirrored views.
     intensities = volume.array[box]
     if min(intensities.strides) < 0:
         intensities = np.ascontiguousarray(intensities)
@@ -169,7 +169,7 @@ def _refine_part(
         cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())
         from_end = canonical_orientation(volume.geometry).runs_along
         _solve(target, intensities, window, spacing_mm, cell_edge_mm, near, from_end, between)
-        # It solves for deviations from a mean, and adding that may round to a hair below 0.
+        # The solver finds deviations from a mean; adding the mean may give values slightly below 0 by rounding.
         np.clip(target, 0.0, 1.0, out=target)
     else:
         target[...] = _filtered(target, intensities, window, spacing_mm, volume.longest_edge_mm)
@@ -191,9 +191,9 @@ def _solve(
     from_end: tuple[bool, bool, bool],
     between: Between,
 ) -> None:
-    """Put the bilateral solver's answer into the target.
+    """Replace the target by the bilateral solver's solution.
 
-    It smooths over most of a feature cell, and two voxels at least; over more where a large structure's grid would be too fine.
+    σ is most of a feature cell and at least two voxels; it is larger if the grid of a large structure would be too fine.
     """
     from .bilateral_grid import GridLayout
     from .bilateral_solver import BilateralSolverSettings, refine_map
@@ -212,7 +212,7 @@ def _filtered(
 ) -> np.ndarray:
     from .guided_filter import GuidedFilterSettings, guided_filter
 
-    # Slice by slice, so that nothing but the result has the box's size.
+    # Slice by slice, so that only the result has the size of the box.
     luma = tensor_of(np.empty(intensities.shape, dtype=np.float32))
     for plane, of_volume in zip(array_of(luma), intensities, strict=True):
         plane[...] = window.apply(of_volume)
@@ -223,24 +223,24 @@ def _filtered(
 def class_window(volume: Volume, display: IntensityWindow, positive_ras: np.ndarray) -> IntensityWindow:
     """The window in which a structure's edges show: as wide as the display's, around most of the annotated intensities.
 
-    This separates lung from the chest wall and from outside air, although a soft-tissue window shows it as plain black. Where a
-    structure has parts of very different brightness, as a stomach has gas and food, the one with most points is looked at: the
-    middle between them would show neither.
+    This separates lung from the chest wall and from outside air, although a soft-tissue window shows it as plain black. If a
+    structure has parts of very different brightness, such as gas and food in a stomach, the part with most points is used,
+    because a window in the middle would show neither.
     """
     annotated = _intensities_at(volume, positive_ras)
     if not annotated.size:
         return display
     together = np.abs(annotated[:, None] - annotated) <= 0.5 * display.width
     display_centre = 0.5 * (display.low + display.high)
-    # Of equally many, those nearest to what the user looks at, in whatever order they were clicked.
+    # Among parts with equally many points, the one nearest to the display window, independent of the order of clicks.
     best = np.lexsort((np.abs(annotated - display_centre), -together.sum(axis=1)))[0]
     centre = float(np.median(annotated[together[best]]))
     return IntensityWindow(centre - 0.5 * display.width, centre + 0.5 * display.width)
 
 
 def _intensities_at(volume: Volume, points_ras: np.ndarray) -> np.ndarray:
-    """Finite interpolated intensities at world points, (≤ N,); beside voxels that are not finite, those of the points' own."""
-    with np.errstate(invalid="ignore"):  # No part of infinity is a number.
+    """Finite interpolated intensities at world points, (≤ N,); next to non-finite voxels, that of the point's own voxel."""
+    with np.errstate(invalid="ignore"):  # Zero times infinity, for example, is not a number.
         samples = sample_at(volume.array[..., None], volume.geometry, points_ras)[:, 0]
     k, j, i = volume.geometry.nearest_voxels(points_ras).T
     samples = np.where(np.isfinite(samples), samples, volume.array[k, j, i].astype(np.float32))

@@ -1,4 +1,4 @@
-"""From similarity maps to labels: which class gets each voxel, and the parts that the user meant."""
+"""From similarity maps to labels: which class each voxel belongs to, and which connected components are kept."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from ..core.volumes.stepped_work import STEP_VOXELS, finished, slabs
 from ..core.volumes.voxel_digest import label_boxes
 
 BLOCK_VOXELS = 64
-"""Along each edge of the blocks in which classes compete: what was won is remembered only where there is something."""
+"""Edge of the blocks in which classes compete; the best ratio is stored only for blocks that some class reaches."""
 TIE = 1e-4
-"""By so little, relatively, may a later class exceed an earlier one, and it is a tie. Maps of a structure and its duplicate are
-equal but for the order in which sums were made, which is another where the map of one is wanted sooner."""
+"""A later class wins only if it exceeds an earlier one by more than this share. The maps of a structure and its duplicate are
+equal except for rounding, which differs if one of the maps is computed before the others."""
 SLAB_VOXELS = 2**24
-"""Components are looked for in parts of so many voxels, each of which takes four bytes then."""
+"""Voxels in which components are found at once; each takes four bytes meanwhile."""
 
 
 class Competition:
-    """Classes compete for voxels, one after the other: each goes to the class whose map exceeds its own iso value by most.
+    """Assigns each voxel to the class whose map exceeds its own iso value by the largest factor; classes enter one by one.
 
     Args:
-        shape: of the volume, (K, J, I).
-        dtype: of the labels.
+        shape: shape of the volume, (K, J, I).
+        dtype: dtype of the labels.
 
     Attributes:
         labels: (K, J, I), 0 where no class reaches its iso value, else 1 + the index of the class; a tie (`TIE`) stays with the
@@ -48,12 +48,12 @@ class Competition:
         """Let the next class compete.
 
         Args:
-            similarity: its map in [0, 1], (K, J, I) of the box.
-            iso: its iso value; one below `SMALLEST_ISO` counts as that.
-            box: outside of which it does not reach that; None, and no map: it does nowhere.
+            similarity: the class's map in [0, 1], (K, J, I) of the box.
+            iso: its iso value; values below `SMALLEST_ISO` count as that.
+            box: the map is below its iso value outside this box; None, without a map: it is everywhere.
 
         Returns:
-            Whether it reaches its iso value anywhere, be it where an earlier class exceeds its own by more.
+            Whether the map reaches its iso value anywhere, even where an earlier class exceeds its own by more.
         """
         self._entered += 1
         reaches_anywhere = False
@@ -74,27 +74,27 @@ class Competition:
             labels, best = self.labels[part], self._best[corner][within(part, block)]
             wins = (ratio > best) | ((labels == 0) & reaches)
             labels[wins] = self._entered
-            # What a later class has to exceed; in place, as blocks are large.
+            # The ratio that a later class has to exceed; computed in place, as blocks are large.
             ratio *= np.float32(1.0 + TIE)
             best[wins] = ratio[wins]
         return reaches_anywhere
 
 
 def _blocks(shape: tuple[int, ...]) -> Iterator[Box]:
-    """A volume in blocks."""
+    """The blocks of a volume of `shape`."""
     extents = ([slice(n, min(n + BLOCK_VOXELS, size)) for n in range(0, size, BLOCK_VOXELS)] for size in shape)
     yield from itertools.product(*extents)
 
 
 def over_iso(similarity: np.ndarray, iso: float) -> np.ndarray:
-    """By which factor a map (any shape) exceeds its iso value: what classes compete by."""
+    """The factor by which a map (of any shape) exceeds its iso value; classes compete by it."""
     ratio: np.ndarray = similarity / np.float32(max(iso, SMALLEST_ISO))
     return ratio
 
 
 def count_labels(labels: np.ndarray, count: int) -> list[int]:
-    """How many voxels carry each of the labels 1 to `count` in a label map (K, J, I)."""
-    # One slab and label at a time: NumPy's bincount would first make eight bytes of each voxel.
+    """The number of voxels with each of the labels 1 to `count` in a label map (K, J, I)."""
+    # One slab and label at a time, because NumPy's bincount would first convert each voxel to eight bytes.
     counts = [0] * count
     for slab in slabs(whole_box(labels.shape)):
         part = labels[slab]
@@ -109,15 +109,15 @@ def keep_annotated_components(
     points_of_label: Mapping[int, np.ndarray],
     between: Between = nothing_between,
 ) -> None:
-    """Keep of some labels only the connected components (26-neighbourhood) that hold a point; in place.
+    """Remove the connected components (26-neighbourhood) of labels that contain no point, in place.
 
-    Where no point lies in any component, the label is left as it is: better a visible surplus than a vanished segment.
+    If no point lies in any component of a label, the label stays as it is: better a visible surplus than a vanished segment.
 
     Args:
         labels: (K, J, I) label map, changed in place.
-        geometry: of the label map.
-        points_of_label: the points of each label, (N, 3) RAS millimetres.
-        between: called between short steps; may raise `Cancelled`, and the labels are of no use then.
+        geometry: geometry of the label map.
+        points_of_label: points of the labels to change, (N, 3) RAS millimetres each.
+        between: called between short steps; may raise `Cancelled`, which leaves the labels incomplete.
     """
     boxes = finished(label_boxes(labels), between)
     for label, points_ras in points_of_label.items():
@@ -129,9 +129,9 @@ def keep_annotated_components(
 
 
 def _keep_components(labels: np.ndarray, label: int, seeds: np.ndarray) -> None:
-    """Keep of one label in `labels` (K, J, I) the components that hold one of the voxels `seeds` (N, 3), if any does."""
+    """Remove the components of one label that contain none of the voxels `seeds` (N, 3), unless this would remove all."""
     components = _SlabComponents(labels, label)
-    # Slab by slab: the numbers of one are kept at a time, and take a quarter of a second to find again.
+    # Seeds in order of slabs: only one slab's numbers are kept, and they take a quarter of a second to compute.
     of_seeds = np.array([components.at(seed) for seed in seeds[np.argsort(seeds[:, 0])]], dtype=int)
     kept = np.isin(components.groups, components.groups[of_seeds[of_seeds > 0]])
     if not kept.any():
@@ -142,14 +142,14 @@ def _keep_components(labels: np.ndarray, label: int, seeds: np.ndarray) -> None:
 
 
 class _SlabComponents:
-    """Connected components of a label, found slab by slab: numbered all at once they would take four bytes of each voxel.
+    """Connected components of a label, found slab by slab: found all at once, they would take four bytes a voxel.
 
     Args:
         labels: (K, J, I).
-        label: which label.
+        label: the label.
 
     Attributes:
-        groups: (numbers,) which numbers are of one component; number 0 is of none.
+        groups: (numbers,) the component that each number of a slab's component belongs to; number 0 is the background.
     """
 
     def __init__(self, labels: np.ndarray, label: int) -> None:
@@ -176,7 +176,7 @@ class _SlabComponents:
         return int(self._shifted(slab, self._numbers(slab)[k, voxel[1], voxel[2]]))
 
     def parts(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Some slices of the labels after the other, and their numbers, (slices, J, I) both."""
+        """Yields the labels of some slices after the other, and their numbers, both (slices, J, I)."""
         step = max(STEP_VOXELS // (self._labels.shape[1] * self._labels.shape[2]), 1)
         for slab in range(len(self._first_numbers)):
             labels, numbers = self._slab(slab), self._numbers(slab)
@@ -187,19 +187,19 @@ class _SlabComponents:
         return self._labels[slab * self._thickness : (slab + 1) * self._thickness]
 
     def _numbers(self, slab: int) -> np.ndarray:
-        """(slices, J, I): components within a slab, from 1 up. Kept until another slab is asked for."""
+        """Numbers of components within a slab, from 1 up, (slices, J, I). Kept until another slab is requested."""
         if self._last is None or self._last[0] != slab:
             self._last = None
             self._last = slab, ndimage.label(self._slab(slab) == self._label, structure=np.ones((3, 3, 3)))[0]
         return self._last[1]
 
     def _shifted(self, slab: int, numbers: np.ndarray) -> np.ndarray:
-        """Numbers within a slab as numbers among all."""
+        """Converts numbers within a slab to numbers that are unique in the volume."""
         return np.where(numbers > 0, numbers + self._first_numbers[slab], 0)
 
 
 def _touching(above: np.ndarray, below: np.ndarray) -> np.ndarray:
-    """Pairs of numbers that meet across two neighbouring planes (J, I) of components, (2, pairs)."""
+    """Pairs of numbers of components that touch each other in two neighbouring planes (J, I), (2, pairs)."""
     rows, columns = below.shape
     padded = np.pad(above, 1)
     pairs = [np.zeros((2, 0), dtype=int)]

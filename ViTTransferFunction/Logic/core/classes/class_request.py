@@ -1,4 +1,4 @@
-"""What is asked about a class: its points, and what decides its map and threshold; nothing about how it is shown."""
+"""The request for a class's map: its points and all settings that affect map and threshold, but not its look."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from .close_up import CloseUp
 from .iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 
 _NOT_IN_XML = "\ufffe\uffff"
-"""Of characters that can be printed, those that no XML may hold: a scene with one in it could not be opened again."""
+"""Printable characters that are not allowed in XML: a scene that contains one could not be opened again."""
 
 
 def no_points() -> np.ndarray:
-    """Points (0, 3)."""
+    """An empty array of points, (0, 3)."""
     return np.empty((0, 3))
 
 
 def different_places(points_ras: np.ndarray) -> np.ndarray:
-    """Indices of points (P, 3), in order, of which each place is counted once: the first point there, to the last digit."""
+    """Indices of the points (P, 3), in order, without those that are exactly at the place of an earlier one."""
     first_at: dict[bytes, int] = {}
-    # By their bytes: NumPy takes ten times as long to find out which rows are the same.
+    # Compared by their bytes, because NumPy's `unique` of rows takes ten times as long.
     for index, point in enumerate(points_ras):
         first_at.setdefault(point.tobytes(), index)
     return np.array(list(first_at.values()), dtype=int)
@@ -38,19 +38,19 @@ def different_places(points_ras: np.ndarray) -> np.ndarray:
 class ClassRequest:
     """One structure of interest, and everything that decides which voxels belong to it.
 
-    Requests are equal where all of that is, whatever the names are: who renames a structure asks for nothing new.
+    Requests are equal if all fields but the name are: to rename a structure does not need a new map.
 
     Attributes:
-        id: unique among the classes, and the same for as long as the class lives.
+        id: unique among the classes, and constant for as long as the class exists.
         positive: (N, 3) RAS millimetres, points on the structure, N ≥ 1.
         negative: (M, 3) RAS millimetres, points that are not of this structure.
         iso: threshold on the class's similarity map, in [0, 1]; None: chosen from the annotations.
-        size: how large a structure is meant, from −3 to 3: −1 the smaller proposal, 0 the chosen, 1 the larger one
-            (`IsoProposals`). Nothing where there is an `iso`.
+        size: the size of the structure that is meant, from −3 to 3: −1 the smaller proposal, 0 the chosen, 1 the larger one
+            (`IsoProposals`). Ignored if there is an `iso`.
         proximity: p̃ of the paper, in [0, 1]: how much similarity fades with distance from the positive points; 0: not at all.
         refine: whether the map is sharpened against the intensities.
-        close_up: the box in which the structure is looked at by itself, where it is small or thin; None: in the whole volume.
-        name: what the user calls it; its id where nobody says.
+        close_up: the box in which the structure is looked at, if it is small or thin; None: the whole volume.
+        name: the user's name for it; by default its id.
 
     Raises:
         InputError: a field is out of range or there is no positive point.
@@ -88,12 +88,12 @@ class ClassRequest:
         return hash(self._values)
 
     def claims(self, points_ras: np.ndarray) -> np.ndarray:
-        """(N,) bool: which of the points (N, 3) are among the class's positive ones, to the last digit."""
+        """(N,) bool: which of the points (N, 3) are exactly at the place of one of the class's positive ones."""
         claimed: np.ndarray = (points_ras[:, None] == self.positive[None]).all(axis=2).any(axis=1)
         return claimed
 
     def asks_for_map_of(self, other: ClassRequest) -> bool:
-        """Whether the answer to `other` holds the same map: they differ in the iso value or the size at most."""
+        """Whether the answer to `other` has the same map, that is, they differ at most in iso value and size."""
         return self == replace(other, iso=self.iso, size=self.size)
 
     @property
@@ -103,7 +103,10 @@ class ClassRequest:
 
 
 def points_against(requests: Sequence[ClassRequest], index: int) -> np.ndarray:
-    """Points (N, 3), RAS millimetres, that are not of the index-th class: its negative ones and all of other classes alone."""
+    """Points (N, 3) RAS millimetres that speak against the index-th class: its negative ones, and others' positive ones.
+
+    Positive points that the class has as well do not count.
+    """
     request = requests[index]
     return np.concatenate([request.negative, *(other.positive[~request.claims(other.positive)] for other in requests)])
 

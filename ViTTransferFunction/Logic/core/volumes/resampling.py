@@ -1,4 +1,4 @@
-"""Values of a grid between its points, and on other grids: maps, feature vectors, labels."""
+"""Interpolates values of a grid between its points, and on other grids: maps, feature vectors, labels."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ def sample_at(values: np.ndarray, geometry: Geometry, points_ras: np.ndarray) ->
 
 
 def sample_by(vectors_at: Callable[[np.ndarray], np.ndarray], geometry: Geometry, points_ras: np.ndarray) -> np.ndarray:
-    """As `sample_at`, from a function from indices (N, 3) along K, J, I to the vectors there, (N, C)."""
+    """As `sample_at`, with a function that returns the vectors (N, C) at indices (N, 3) along K, J, I."""
     corners = corners_around(geometry, points_ras)
     samples: np.ndarray = reduce(np.add, (weight[:, None] * vectors_at(index) for index, weight in corners))
     return samples.astype(np.float32)
 
 
 def corners_around(geometry: Geometry, points_ras: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """The eight voxels around world points (N, 3), one corner after the other: their indices (N, 3) along K, J, I, and weights.
+    """Yields, for each of the eight voxels around world points (N, 3), its indices (N, 3) along K, J, I and weights (N,).
 
-    The weights (N,) of all eight sum to 1. Points beyond the outermost centres are moved there.
+    The eight weights of a point sum to 1. Points beyond the outermost voxel centres are moved to them.
     """
     kji = geometry.ras_to_ijk(points_ras)[:, ::-1]
     last = np.array(geometry.shape) - 1
@@ -47,29 +47,29 @@ def corners_around(geometry: Geometry, points_ras: np.ndarray) -> Iterator[tuple
 
 
 class FixedPlaces:
-    """Many places in a grid, for one map of it after the other: what `sample_at` finds out of the places is kept.
+    """Samples many maps of a grid at the same points, which need their voxels and weights computed only once.
 
     Args:
-        geometry: of the grid.
+        geometry: geometry of the grid.
         points_ras: (N, 3) RAS millimetres.
     """
 
     def __init__(self, geometry: Geometry, points_ras: np.ndarray) -> None:
         corners = list(corners_around(geometry, points_ras))
-        # Along each axis, the voxel before each place and the one after: (2, 3, N).
+        # Along each axis, the voxels before and after each point: (2, 3, N).
         self._ends = np.ascontiguousarray(np.stack([corners[0][0].T, corners[-1][0].T]))
         self._weights = [weight for _, weight in corners]
 
     def sample(self, values: np.ndarray, box: Box, elsewhere: np.ndarray) -> np.ndarray:
-        """Trilinear samples of a map of which a part is at hand.
+        """Trilinear samples of a map of which only a part is given.
 
         Args:
-            values: (K, J, I) of the box.
-            box: of the grid.
-            elsewhere: (N,) samples for places that are not between voxels of the box alone.
+            values: the map's values in the box, (K, J, I).
+            box: the part of the grid.
+            elsewhere: (N,) samples to use for points that need voxels outside the box.
 
         Returns:
-            (N,) float32; where the box has all that is needed, those of `sample_at`.
+            (N,) float32; for all other points, the samples of `sample_at`.
         """
         samples = elsewhere.astype(np.float32)
         first, end = np.array([(extent.start, extent.stop) for extent in box]).T[:, :, None]
@@ -91,15 +91,15 @@ def interpolated(array: np.ndarray, positions: Sequence[np.ndarray], cubic: bool
 
     Args:
         array: (K, J, I), any real dtype.
-        positions: for each axis, in voxels, integers at voxel centres; beyond the array's border its values are those there.
-        cubic: smoothly, by Mitchell and Netravali's filter: almost as smooth as a B-spline, almost as sharp as an
-            interpolating one. Else trilinearly.
+        positions: for each axis, positions in voxels, integers at voxel centres; beyond the border, values are constant.
+        cubic: whether to use Mitchell and Netravali's cubic filter, which is almost as smooth as a B-spline and almost as sharp
+            as an interpolating one, instead of trilinear interpolation. Its values may lie outside the array's range.
 
     Returns:
-        Float32, as many along each axis as there are positions.
+        Float32, of as many values along each axis as there are positions.
     """
     k, j, i = (_weights(position, count, cubic) for position, count in zip(positions, array.shape, strict=True))
-    # In an order in which nothing has to be transposed.
+    # In this order, nothing has to be transposed.
     fine: np.ndarray = j @ (array.astype(np.float32, copy=False) @ i.T)
     if not np.array_equal(k, np.eye(len(fine))):
         fine = (k @ fine.reshape(len(fine), -1)).reshape(len(k), len(j), len(i))
@@ -107,15 +107,15 @@ def interpolated(array: np.ndarray, positions: Sequence[np.ndarray], cubic: bool
 
 
 def planes_between(planes: np.ndarray, places: Iterable[tuple[int, float]]) -> Iterator[np.ndarray]:
-    """Planes that lie between those of an array, one by one: all at once would take longer to write than to compute.
+    """Planes between those of an array, one by one, because writing all to memory would take longer than computing them.
 
     Args:
         planes: (K, J, I) float32.
-        places: for each plane that is wanted, the one before it and how far it lies on the way to the next, from 0 to 1; beyond
-            the last plane there is that one.
+        places: for each wanted plane, the index of the plane before it, and its distance from that in planes, from 0 to 1.
+            Beyond the last plane, that one is repeated.
 
     Yields:
-        (J, I) float32, each in the memory of the one before.
+        (J, I) float32; each plane overwrites the one before.
     """
     between = np.empty_like(planes[0])
     for low, share in places:
@@ -126,12 +126,12 @@ def planes_between(planes: np.ndarray, places: Iterable[tuple[int, float]]) -> I
 
 
 def cell_positions(cells: int, voxels: int, extent: slice | None = None) -> np.ndarray:
-    """Where the centres of voxels lie, in cells, if `voxels` of them fill the same box as `cells` cells.
+    """Positions of voxel centres in units of cells, if voxels and cells fill the same box.
 
     Args:
-        cells: along an axis.
-        voxels: along the same axis.
-        extent: which of the voxels, if not all.
+        cells: number of cells along an axis.
+        voxels: number of voxels along the same axis.
+        extent: range of the voxels; None: all of them.
 
     Returns:
         One position for each voxel, float64, integers at cell centres.
@@ -141,26 +141,26 @@ def cell_positions(cells: int, voxels: int, extent: slice | None = None) -> np.n
 
 
 def resample_labels(labels: np.ndarray, geometry: Geometry, target: Geometry) -> np.ndarray:
-    """The label at each voxel centre of another grid, 0 outside; Slicer stores only the box that segments fill.
+    """The label at each voxel centre of another grid; 0 outside, since Slicer stores only the box that segments fill.
 
     Args:
         labels: (K, J, I) on `geometry`, integers or bool.
-        geometry: of the labels.
-        target: the grid to bring them to.
+        geometry: geometry of the labels.
+        target: the other grid.
 
     Returns:
         (K, J, I) of `target`, the dtype of `labels`.
     """
-    # Rounded, so that grids which coincide but for rounding errors do coincide.
+    # Rounded, so that grids that coincide except for rounding errors are recognised.
     source_of_target = np.round(np.linalg.inv(geometry.ijk_to_ras) @ target.ijk_to_ras, 6)
     matrix, offset = source_of_target[2::-1, 2::-1], source_of_target[2::-1, 3]
     if np.array_equal(matrix, np.eye(3)) and np.array_equal(offset, np.round(offset)):
-        # Nearly always so, and many times faster.
+        # The usual case, in which copying is many times faster.
         return _shifted_copy(labels, offset.astype(int).tolist(), target.shape)
     if np.count_nonzero(matrix) == 3:
         return _along_axes(labels, matrix, offset, target.shape)
     integers = labels.view(np.uint8) if labels.dtype == bool else labels
-    # With the mode "constant", the outer half of border voxels would be outside.
+    # With the mode "constant", the outer half of border voxels would count as outside.
     resampled = ndimage.affine_transform(
         integers, matrix, offset, output_shape=target.shape, order=0, mode="grid-constant", prefilter=False
     )
@@ -169,7 +169,7 @@ def resample_labels(labels: np.ndarray, geometry: Geometry, target: Geometry) ->
 
 
 def _along_axes(labels: np.ndarray, matrix: np.ndarray, offset: np.ndarray, shape: tuple[int, int, int]) -> np.ndarray:
-    """Labels on a grid whose axes are parallel to theirs, in whatever order and direction: index by index along each."""
+    """Labels on a grid with parallel axes, in any order and direction: each axis is resampled by its own indices."""
     target_axes = np.argmax(matrix != 0.0, axis=1)
     turned = labels.transpose(np.argsort(target_axes))
     copy = np.zeros(shape, dtype=labels.dtype)
@@ -204,7 +204,7 @@ def _mitchell_netravali(distance: np.ndarray) -> np.ndarray:
 
 
 def _shifted_copy(labels: np.ndarray, first: Sequence[int], shape: tuple[int, int, int]) -> np.ndarray:
-    """The part of `labels` that starts at its voxel `first` (k, j, i), which may lie outside, as may others; 0 there."""
+    """A copy of `shape` that begins at voxel `first` (k, j, i) of `labels`; 0 where it lies outside of them."""
     copy = np.zeros(shape, dtype=labels.dtype)
     target = tuple(slice(max(-start, 0), max(size - start, 0)) for start, size in zip(first, labels.shape, strict=True))
     source = tuple(slice(max(start, 0), max(start + size, 0)) for start, size in zip(first, shape, strict=True))

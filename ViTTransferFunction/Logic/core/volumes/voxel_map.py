@@ -1,8 +1,7 @@
 """A class's map at a volume's resolution, S_H, of which only the part near the structure is held in memory.
 
-As one array, the map of a large volume takes twice as much memory as the volume, and that of a small one takes longer to fill
-than most structures to refine. Away from the structure it is S_L, interpolated, and that can be had again whenever somebody
-looks.
+As one array, the map of a large volume would take twice as much memory as the volume, and that of a small one would take longer
+to fill than most structures take to refine. Away from the structure, the map is interpolated S_L, which is computed on demand.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from .orientation import Orientation
 from .resampling import FixedPlaces, corners_around
 
 ROUNDING = 1e-6
-"""By how much, relatively, an interpolated value may exceed the values that it lies between."""
+"""Relative rounding error by which an interpolated value may exceed those it was interpolated from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +27,12 @@ class VoxelMap:
     """A map (K, J, I) float32 in [0, 1].
 
     Attributes:
-        shape: of the volume, (K, J, I).
+        shape: shape of the volume, (K, J, I).
         coarse: S_L, (K', J', I') float32, on cells that fill the volume's box.
-        interpolated: from a slice k and its rows to S_L interpolated there, (rows, I) float32.
-        box: the voxels that are held.
-        held: their values, (K, J, I) of the box; all other voxels have the interpolated ones.
-        refined: the part of the box in which values may be others than the interpolated ones; None: all of it.
+        interpolated: returns interpolated S_L for a slice k and a range of its rows, (rows, I) float32.
+        box: the voxels that are held in memory.
+        held: their values, (K, J, I) of the box; all other voxels have interpolated values.
+        refined: the part of the box in which values may differ from interpolated ones; None: all of it.
     """
 
     shape: tuple[int, int, int]
@@ -45,18 +44,18 @@ class VoxelMap:
 
     @classmethod
     def whole(cls, array: np.ndarray) -> VoxelMap:
-        """A map all of which is there, (K, J, I) float32."""
+        """A map all of which is held, from an array (K, J, I) float32."""
         k, j, i = array.shape
         return cls((k, j, i), array, lambda k, rows: array[k, rows], whole_box((k, j, i)), array)
 
     def placed(self, shape: tuple[int, int, int], box: Box) -> VoxelMap:
-        """The same map as one of a larger volume of `shape` (K, J, I), in which it fills `box`; 0 beyond."""
+        """The same map as a part of a larger volume of `shape` (K, J, I), in which it fills `box`; 0 elsewhere."""
         nothing = np.zeros((1, 1, 1), dtype=np.float32)
         rows = partial(_no_rows, columns=shape[2])
         return VoxelMap(shape, nothing, rows, box, self.array)
 
     def changed_in(self, box: Box) -> VoxelMap:
-        """The same map, in whose `held` values of a box, all of which is held, have been changed."""
+        """The same map after its `held` values have been changed in a box, which must be within the held one."""
         return replace(self, refined=common_box([self._refined_box, box]))
 
     @property
@@ -65,11 +64,11 @@ class VoxelMap:
 
     @property
     def array(self) -> np.ndarray:
-        """The map as one array, (K, J, I) float32: for maps of small volumes, and where it cannot be helped."""
+        """The map as one array, (K, J, I) float32. For small volumes only, unless there is no other way."""
         return self.part(whole_box(self.shape))
 
     def part(self, box: Box) -> np.ndarray:
-        """The values in a box, (K, J, I) float32; not to be changed."""
+        """The values in a box, (K, J, I) float32, which must not be changed."""
         inside = common_part(box, self.box)
         if inside == box:
             return self.held[within(box, self.box)]
@@ -82,11 +81,11 @@ class VoxelMap:
         return part
 
     def box_above(self, similarity: float) -> Box | None:
-        """A box that holds all voxels of at least `similarity`, and maybe others alone; None where there surely are none."""
+        """A box that contains all voxels of at least `similarity`, though perhaps none; None if there certainly are none."""
         refined = self._refined_box
         boxes = [refined] if all(extent.start < extent.stop for extent in refined) else []
         if refined != whole_box(self.shape):
-            # One cell more on every side: voxels lie between the centres of cells.
+            # One cell more on every side, since voxels lie between the centres of cells.
             cells = bounding_box(self.coarse >= similarity * (1.0 - ROUNDING), margin=1)
             boxes += [] if cells is None else [covering_box(cells, self.coarse.shape, self.shape)]
         return common_box(boxes) if boxes else None
@@ -95,8 +94,8 @@ class VoxelMap:
         """Trilinear samples at world points (N, 3), RAS millimetres, (N,) float32: those of `sample_at` on the whole array.
 
         Args:
-            geometry: of the volume.
-            points_ras: constant beyond the outermost centres.
+            geometry: geometry of the volume.
+            points_ras: the points; beyond the outermost voxel centres, the map is constant.
         """
         samples = np.zeros(len(points_ras), dtype=np.float64)
         corners = list(corners_around(geometry, points_ras))
@@ -106,25 +105,25 @@ class VoxelMap:
         return samples.astype(np.float32)
 
     def at_cells(self, cells: np.ndarray, centres: FixedPlaces) -> np.ndarray:
-        """The map at the centres of cells: as `at` where it is held, else S_L itself; (N,) float32.
+        """The map at the centres of cells, (N,) float32: as `at` where it is held, elsewhere S_L itself.
 
         Args:
             cells: (N,) indices of the flattened cells.
-            centres: of the same, in the volume's grid.
+            centres: the centres of these cells in the volume's grid.
         """
         return centres.sample(self.held, self.box, self.coarse.ravel()[cells])
 
     def spread(self, most: int, orientation: Orientation) -> Iterator[tuple[np.ndarray, float]]:
-        """Values spread evenly over the map, and how many voxels each stands for.
+        """Values spread evenly over the map, and the number of voxels that each value represents.
 
-        What is held gives some of its voxels (`Orientation.spread`), all else the values of its cells.
+        These are some of the held voxels (`Orientation.spread`), and the cells elsewhere.
 
         Args:
-            most: of what is held, no more voxels.
-            orientation: of the volume.
+            most: the most voxels to use of the held ones.
+            orientation: orientation of the volume.
 
         Yields:
-            (N,) float32, and voxels per value.
+            Values, (N,) float32, and the number of voxels that each of them represents.
         """
         if self.held.size:
             some = orientation.spread(self.held, most).ravel()
@@ -136,7 +135,7 @@ class VoxelMap:
 
     @property
     def _cells_held(self) -> Box:
-        """The cells whose centres lie in what is held."""
+        """The cells whose centres lie in the held box."""
         k, j, i = (
             slice(*(min(max(math.ceil(end * cells / voxels - 0.5), 0), cells) for end in (extent.start, extent.stop)))
             for extent, cells, voxels in zip(self.box, self.coarse.shape, self.shape, strict=True)
@@ -157,5 +156,5 @@ class VoxelMap:
 
 
 def _no_rows(k: int, rows: slice, columns: int) -> np.ndarray:
-    """Rows of a slice of nothing, (rows, columns) float32."""
+    """Rows of zeros, (rows, columns) float32, for `interpolated`."""
     return np.zeros((rows.stop - rows.start, columns), dtype=np.float32)
