@@ -1,4 +1,4 @@
-"""What the compute process is asked for, and what it replies: one dataclass each."""
+"""Requests to the compute process and its replies, each a dataclass."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..refinement.refinement import RefinementMethod
 from ..session.settings import SessionSettings
 
 RenderingMode = Literal["similarity", "transfer function"]
-"""Smooth surfaces alone, or where the volume's own detail takes them."""
+"""How structures are rendered: as smooth surfaces of their maps, or from maps and the volume's intensities."""
 
 
 @dataclass(frozen=True)
@@ -47,14 +47,14 @@ class TakeVolume:
 
 @dataclass(frozen=True)
 class Taken:
-    """The volume can be segmented. `digest`: hexadecimal, of its voxels, by which they are known again (`Volume.digest`)."""
+    """The volume can be segmented. `digest`: `Volume.digest` in hexadecimal, by which its voxels are recognised."""
 
     digest: str
 
 
 @dataclass(frozen=True)
 class ReleaseVolume:
-    """Let go of the volume, its features, and all else that is known of it. Replied to by `Done`."""
+    """Free the volume, its features, and everything else that was made from it. Replied to by `Done`."""
 
 
 @dataclass(frozen=True)
@@ -78,11 +78,11 @@ class LookCloser:
 
 @dataclass(frozen=True)
 class ComputeMaps:
-    """S_L of all classes. Replied to by `Maps`, after a `FirstMap` maybe, while other requests are still being served.
+    """Compute S_L of all classes. Replied to by `Maps`, perhaps after a `FirstMap`; served in parallel to other requests.
 
     Attributes:
-        classes: of which classes.
-        first: id of the class whose map somebody waits for; "" if nobody does more than for the others.
+        classes: the classes.
+        first: id of the class whose map is wanted before the others; "": none.
     """
 
     classes: tuple[ClassRequest, ...]
@@ -91,11 +91,11 @@ class ComputeMaps:
 
 @dataclass(frozen=True)
 class MeasureMaps:
-    """How large the segments are by the S_L that were replied last, which did not wait for it. Replied to by `Volumes`.
+    """Measure the segments that the last S_L give; apart from `ComputeMaps`, so that maps do not wait. Replied to by `Volumes`.
 
     Attributes:
-        classes: of which classes.
-        only_annotated_components: whether the parts alone count that hold a positive point, see `Refinement`.
+        classes: the classes.
+        only_annotated_components: whether only components that contain a positive point count, see `Refinement`.
     """
 
     classes: tuple[ClassRequest, ...]
@@ -104,7 +104,7 @@ class MeasureMaps:
 
 @dataclass(frozen=True)
 class RefineMaps:
-    """S_H of all classes, each on the box that matters, uint8. Replied to by `RefinedMaps`."""
+    """Compute S_H of all classes, each cropped to its relevant box, uint8. Replied to by `RefinedMaps`."""
 
     classes: tuple[ClassRequest, ...]
     refinement: Refinement
@@ -112,7 +112,7 @@ class RefineMaps:
 
 @dataclass(frozen=True)
 class SegmentClasses:
-    """Labels of all classes. Replied to by `Labels`."""
+    """Compute the label map of all classes. Replied to by `Labels`."""
 
     classes: tuple[ClassRequest, ...]
     refinement: Refinement
@@ -120,13 +120,13 @@ class SegmentClasses:
 
 @dataclass(frozen=True)
 class Render:
-    """The maps that were replied last as a volume of structures. Replied to by `StructureVolume`.
+    """Combine the last maps into a volume of structures. Replied to by `StructureVolume`.
 
     Attributes:
-        mode: what decides where structures are.
-        refined: of each class, whether its last refined map is meant.
-        casting: of each class, whether it casts shadows on the others.
-        surroundings: whether what belongs to no structure is wanted as well, as far as the volume reaches.
+        mode: how structures are rendered.
+        refined: for each class, whether to use its last refined map.
+        casting: for each class, whether it casts shadows on the others.
+        surroundings: whether to include everything outside the structures, to the borders of the volume.
     """
 
     mode: RenderingMode
@@ -137,26 +137,26 @@ class Render:
 
 @dataclass(frozen=True)
 class Cancel:
-    """Give up these requests. It has no reply of its own."""
+    """Cancel these requests. It has no reply of its own."""
 
     numbers: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class Started:
-    """The compute process is there, and this is its own number. It answers no request."""
+    """The compute process has started, with this process id. It answers no request."""
 
     pid: int
 
 
 @dataclass(frozen=True)
 class Done:
-    """It is done, and there is nothing more to say."""
+    """The request is done, and has no result to reply."""
 
 
 @dataclass(frozen=True)
 class Loaded:
-    """The features are there.
+    """The features are loaded.
 
     Attributes:
         not_kept: see `FeatureProvenance`.
@@ -167,7 +167,7 @@ class Loaded:
 
 @dataclass(frozen=True)
 class FirstMap:
-    """S_L of the class that is waited for, as soon as it is there; `Maps` with all others follow."""
+    """S_L of the class `first` of the request, as soon as it is there; `Maps` with all others follows."""
 
     map: ClassMap
 
@@ -177,8 +177,8 @@ class Maps:
     """S_L of each class, in the order of the request.
 
     Attributes:
-        maps: S_L; without that of the first class, where it was replied before.
-        awaiting_close_ups: ids of the classes that are looked at in the whole volume only until `LookCloser`.
+        maps: S_L, without that of a `FirstMap`.
+        awaiting_close_ups: ids of the classes whose maps are of the whole volume only until `LookCloser`.
     """
 
     maps: tuple[ClassMap, ...]
@@ -187,7 +187,7 @@ class Maps:
 
 @dataclass(frozen=True)
 class Volumes:
-    """Of the segment of each class, in the order of the request, millilitres, to the size of a cell."""
+    """The volume of each class's segment in millilitres, estimated on the cells, in the order of the request."""
 
     volumes_ml: tuple[float, ...]
 
@@ -198,7 +198,7 @@ class RefinedMaps:
 
     Attributes:
         maps: S_H.
-        volumes_ml: of the segment that each class gets by these maps, millilitres.
+        volumes_ml: the volume of each class's segment that these maps give, millilitres.
     """
 
     maps: tuple[ClassMap, ...]
@@ -207,11 +207,11 @@ class RefinedMaps:
 
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """Which class each voxel belongs to, on the smallest box that holds them all.
+    """The label map, cropped to the smallest box that contains all classes.
 
     Attributes:
-        array: (K, J, I) of the box, uint8 where that has room for all classes, else uint16: 1 + index of the class in the
-            request, 0 elsewhere. Empty where no class has a voxel.
+        array: (K, J, I) of the box, uint8 for up to 255 classes, else uint16: 1 + index of the class in the request, 0
+            elsewhere. Empty if no class has a voxel.
         first: k, j and i of the box's first voxel in the volume.
     """
 
@@ -230,7 +230,7 @@ class Progressed:
 
 @dataclass(frozen=True)
 class CoarseFeatures:
-    """Maps can be had of the features that there are so far; more replies follow."""
+    """Coarse or finer features are there, and maps can be computed from them; more replies follow."""
 
 
 @dataclass(frozen=True)
@@ -240,7 +240,7 @@ class GivenUp:
 
 @dataclass(frozen=True)
 class Failed:
-    """Something that the user gave cannot be used, or memory or disk are too small; `message` says what, in words for users."""
+    """An input of the user's cannot be used, or there is not enough memory or disk space; `message` tells the user which."""
 
     message: str
 

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all: written beside their place, flushed to the disk, then renamed into it."""
+"""Files that are written completely or not at all: under a temporary name, flushed to the disk, then renamed."""
 
 from __future__ import annotations
 
@@ -19,40 +19,40 @@ from .errors import InputError
 from .regular_file import check_length, mode_of, not_regular
 
 _FULL = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
-"""No room: on the disk, in what this file may take, or in what this user may (which Windows does not know)."""
+"""Errors for a full disk, a file that is too large, and an exceeded quota (unknown on Windows)."""
 
 _NOT_OFFERED = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP}
-"""What some network shares say of what they do not know."""
+"""Errors of some network shares for operations that they do not support."""
 
 _LONGEST_ENDING = 16
 
 TEMPORARY = ".writing-"
-"""How names of temporary files begin."""
+"""Prefix of the names of temporary files."""
 
 _TEMPORARY_NAME = re.compile(rf"{re.escape(TEMPORARY)}[0-9a-f]{{8}}(\..*)?")
 
 ABANDONED_S = 24 * 3600.0
-"""A file that was not changed for so long is written to by nobody, on this computer or on another that shares the folder."""
+"""A temporary file unchanged for this long is no longer written to, neither here nor on a computer that shares the folder."""
 
 _SCANNERS_TAKE_S, _RETRY_S = 2.0, 0.05
 
 _tidied: set[Path] = set()
-"""Folders in which this process has looked for leftovers."""
+"""Folders that this process has already searched for abandoned temporary files."""
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Give a temporary path beside `path` to write to; on success it takes `path`'s place, on failure it is removed.
 
-    The temporary file has the same ending as `path`, in lower case, since many writers choose their format by it. It takes its
-    place only after the disk has it: what is reported as written is there after a power failure as well. What killed processes
-    left in the folder goes, `ABANDONED_S` after they were.
+    The temporary file has the same ending as `path`, in lower case, since many writers choose their format by it. It is renamed
+    only after it has been flushed to the disk, so that a file that was reported as written survives a power failure. Temporary
+    files of killed processes are removed from the folder when they are `ABANDONED_S` old.
 
     Raises:
         InputError: the folder cannot be written to, the disk is full, or `path` is a folder, a pipe or a device.
     """
     _check_replaceable(path)
-    # Its name is known before there is a file, which is removed wherever an interruption comes.
+    # The name is known before the file exists, so that the file is removed wherever an interruption comes.
     temporary = _temporary(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -65,15 +65,15 @@ def replacing(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise _cannot_write(path, error) from error
     finally:
-        # Whatever ended the work is what the user should hear of.
+        # An error of the removal must not hide the one that ended the work.
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
 
 
 def set_rights(path: Path, rights: int) -> None:
-    """Set who may do what with a file or folder, where its disk lets the user: else it has the rights that the disk gives all.
+    """Set the access rights of a file or folder, if its disk allows this; otherwise they stay as they are.
 
-    Of a Windows share that is mounted for everybody, all files belong to who mounted it, and nobody else may change that.
+    On a Windows share that is mounted for everybody, for example, only the user who mounted it may change rights.
     """
     try:
         path.chmod(rights)
@@ -83,7 +83,7 @@ def set_rights(path: Path, rights: int) -> None:
 
 
 def check_writable(path: Path) -> None:
-    """Raise InputError now if `path` could not be written later, before work is spent on its content. Leaves no trace."""
+    """Raise InputError if `path` cannot be written, before work is spent on its content. Leaves no files behind."""
     _check_replaceable(path)
     if sys.platform == "win32":
         _check_folders_of_windows(path)
@@ -99,7 +99,7 @@ def check_writable(path: Path) -> None:
 
 
 def _check_folders_of_windows(path: Path) -> None:
-    """Windows makes such a folder under another name, without what its own ends in, and then does not find it."""
+    """Refuse folders whose names end in spaces or dots: Windows creates them without these, and then does not find them."""
     for name in path.parent.parts:
         if name.endswith((" ", "..")) and name.strip(". "):
             raise InputError(
@@ -109,7 +109,7 @@ def _check_folders_of_windows(path: Path) -> None:
 
 def _make_and_remove_file(folder: Path) -> None:
     if sys.platform == "win32":
-        # Where nothing may be written, `tempfile` of Python 3.12 and before takes each name for taken, and tries 2**31 of them.
+        # In a write-protected folder, `tempfile` of Python 3.12 and earlier takes every name for used, and tries 2**31 names.
         flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_TEMPORARY
         os.close(os.open(_temporary(folder / "file"), flags, 0o600))
         return
@@ -118,15 +118,15 @@ def _make_and_remove_file(folder: Path) -> None:
 
 
 def remove_leftovers(folder: Path, changed_before_s: float = math.inf) -> None:
-    """Remove this user's temporary files from a folder: what killed processes left, as long as nobody is writing them now.
+    """Remove this user's temporary files from a folder, which killed processes have left. Nobody may be writing them.
 
     Args:
-        folder: where to look; nothing happens where that cannot be done.
-        changed_before_s: the time before which they were changed last, in seconds since the epoch.
+        folder: the folder; nothing happens if it cannot be read.
+        changed_before_s: only files that were last changed before this time are removed, in seconds since the epoch.
     """
     with suppress(OSError):
         for path in folder.iterdir():
-            # Many files may lie here: only those of our names are looked at.
+            # Only files with our names are examined, since there may be many others.
             if _TEMPORARY_NAME.fullmatch(path.name):
                 _remove_leftover(path, changed_before_s)
 
@@ -140,7 +140,7 @@ def _remove_leftover(path: Path, changed_before_s: float) -> None:
 
 
 def _put_in_place(temporary: Path, path: Path) -> None:
-    """Rename. Windows refuses that while another program has either file open: a virus scanner looks at whatever is new."""
+    """Rename. Windows refuses this while another program has either file open, as virus scanners do with new files."""
     give_up = time.monotonic() + _SCANNERS_TAKE_S
     while sys.platform == "win32" and time.monotonic() < give_up:
         with suppress(PermissionError):
@@ -151,14 +151,14 @@ def _put_in_place(temporary: Path, path: Path) -> None:
 
 
 def _tidy(folder: Path) -> None:
-    """Remove what was left here long ago; once a folder, as listing one that many results are written to takes time."""
+    """Remove abandoned files; once for each folder, as it takes time to list a folder with many results."""
     if folder not in _tidied:
         _tidied.add(folder)
         remove_leftovers(folder, time.time() - ABANDONED_S)
 
 
 def _cannot_write(path: Path, error: OSError) -> InputError:
-    """The error for a file that the operating system did not take."""
+    """The InputError for a file that the operating system could not write."""
     if error.errno in _FULL:
         return InputError(
             f"Cannot write {path}: the disk is full, or your share of it. Free some space or choose another folder."
@@ -170,9 +170,9 @@ def _cannot_write(path: Path, error: OSError) -> InputError:
 
 
 def _check_replaceable(path: Path) -> None:
-    """A rename would put a file in the place of a device, and fail late where a folder is."""
+    """Raise InputError unless `path` can be replaced by a file: a rename would replace a device, and fail late for a folder."""
     if sys.platform == "win32" and ":" in path.name:
-        # It is found out late: what follows a colon is the name of a part of the file.
+        # Windows would report it late, because it takes the text after a colon for the name of a stream of the file.
         raise InputError(f"Cannot write {path}: no name may hold a colon (:) on Windows. Choose another name.")
     check_length(path, max(0, len(_temporary(path).name) - len(path.name)))
     mode = mode_of(path)
@@ -183,25 +183,25 @@ def _check_replaceable(path: Path) -> None:
     if not stat.S_ISREG(mode):
         raise not_regular(path)
     if not os.access(path, os.W_OK):
-        # Renaming would get round the protection, and on Windows fail.
+        # Renaming would bypass the protection, and fail on Windows.
         raise InputError(f"Cannot write {path}: the file is write-protected. Choose another name.")
 
 
 def _temporary(path: Path) -> Path:
-    """Where to write what is to take a path's place."""
+    """A temporary path for the file that will replace `path`."""
     return path.parent / f"{TEMPORARY}{secrets.token_hex(4)}{_ending(path)}"
 
 
 def _ending(path: Path) -> str:
-    """The last two suffixes, such as `.nii.gz`; cut, as the temporary file's name is longer than the file's."""
+    """The last two suffixes, such as `.nii.gz`, shortened if long, to limit the length of the temporary file's name."""
     return "".join(path.suffixes[-2:]).lower()[-_LONGEST_ENDING:]
 
 
 def _make(temporary: Path) -> int:
-    """Make a file that only its owner may read while it is being written; returns the rights that new files have here."""
+    """Create a file that only its owner may read while it is being written; returns the usual rights of new files here."""
     descriptor = os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
     try:
-        # The file tells them. Python can look at the umask only by changing it, which other threads' files would have.
+        # Read from the file, because Python can only read the umask by changing it, which would affect other threads.
         rights = stat.S_IMODE(os.fstat(descriptor).st_mode)
         set_rights(temporary, 0o600)
     finally:
@@ -210,11 +210,11 @@ def _make(temporary: Path) -> int:
 
 
 def _flush(path: Path) -> None:
-    """Have the disk take the file. Some file systems notice only now that there is no room."""
+    """Flush the file to the disk. Some file systems notice only now that there is no room."""
     with path.open("rb+") as file:
         try:
             os.fsync(file.fileno())
         except OSError as error:
-            # Some network shares cannot be asked.
+            # Some network shares do not support this.
             if error.errno not in _NOT_OFFERED:
                 raise

@@ -1,4 +1,4 @@
-"""A scalar volume and where it lies in the patient: the form in which every part of the Logic passes intensities."""
+"""A scalar volume and its position in the patient, as all rooms of the Logic pass intensities to each other."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from ..system.given_numbers import FARTHEST
 from .geometry import Box, Geometry
 
 SMALLEST_SPREAD = 1e-30
-"""From the lowest to the highest intensity; of less, windows would be too narrow for single precision (`IntensityWindow`)."""
+"""Smallest difference of the lowest and highest intensity: windows must not be too narrow for single precision."""
 
 FARTHEST_VOXELS = 2e6
-"""How far from the middle of the coordinates a volume may lie, in its smallest edge of a voxel: surfaces are drawn in single
-precision, which then tells an eighth of a voxel. A hundred times as far, distances between points come out wrong as well."""
+"""Largest distance of a volume from the origin, in units of its shortest voxel edge: surfaces are drawn in single precision,
+which resolves an eighth of a voxel there. A hundred times as far, distances between points would be wrong as well."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,15 +26,15 @@ class Volume:
     """Scalar intensities on a regular, possibly oblique and anisotropic, voxel grid.
 
     Attributes:
-        array: intensities, (K, J, I), any real dtype; may hold NaN or infinities. Half and extended precision, and numbers in
-            another order of bytes, are converted, since neither SciPy nor PyTorch takes them everywhere.
-        geometry: where the voxels lie, in RAS millimetres.
-        name: what users call it; the file's stem, say.
-        part_of: the volume of which it is a part, and like which it is looked at; None: it is a whole.
+        array: intensities, (K, J, I), any real dtype; may contain NaN or infinities. Half and extended precision and other byte
+            orders are converted, since SciPy and PyTorch do not accept them everywhere.
+        geometry: position of the voxels, in RAS millimetres.
+        name: name for users, such as the file's stem.
+        part_of: the volume of which it is a part, whose windows and scale of distances apply to it; None: it is a whole volume.
 
     Raises:
-        InputError: the array is not three-dimensional and real, is a single slice, or holds no finite voxel or
-            only one value: there is nothing to tell apart; or its values are beyond single precision, or where it lies.
+        InputError: the array is not three-dimensional and real, is a single slice, has no finite voxel or only a single value,
+            or its values or its distance from the origin are too large for single precision.
         ValueError: the array's shape is not that of the geometry.
     """
 
@@ -58,12 +58,12 @@ class Volume:
 
     @property
     def whole(self) -> Volume:
-        """The volume of which it is a part, or itself: what decides the window in which it is looked at, and what is far."""
+        """The volume of which it is a part, or itself: windows and the scale of distances are those of the whole."""
         return self.part_of or self
 
     @property
     def longest_edge_mm(self) -> float:
-        """Of the whole: distances are measured by it, in its parts as well."""
+        """Longest edge of the whole volume: the scale of distances, also in its parts."""
         return float(self.whole.geometry.extent_mm.max())
 
     def part(self, box: Box) -> Volume:
@@ -76,7 +76,7 @@ class Volume:
 
     @cached_property
     def digest(self) -> bytes:
-        """SHA-256 of the voxels, and of those that they are part of. Found once: the array must stay as it is."""
+        """SHA-256 of the voxels, and of those of the volume that they are part of. Cached: the array must not change."""
         digest = hashlib.sha256()
         digest.update(f"{self.array.shape} {self.array.dtype.str}".encode())
         digest.update(np.ascontiguousarray(self.array).data)
@@ -131,7 +131,7 @@ class Volume:
 
 
 def _computable(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    """The dtype itself, or the nearest that everything computes with."""
+    """The dtype itself, or the nearest one that all libraries compute with."""
     # On Windows, extended precision has no more bytes than double.
     if dtype.kind == "f" and dtype.char not in "fd":
         return np.dtype(np.float32 if dtype.itemsize < 4 else np.float64)

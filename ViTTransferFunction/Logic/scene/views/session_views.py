@@ -1,4 +1,4 @@
-"""What a session shows in the views: which maps, outlines and structures, as its parameters say; and what is known of these."""
+"""Shows a session in the views, according to its parameters, and describes the look of its structures."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ from .rendering_cut import shown_cut
 
 
 class SessionViews:
-    """Brings the views up to date with a session, and knows how structures look in them.
+    """Updates the views for a session, and knows how structures look in them.
 
     Args:
         scene: the scene.
         app_logic: the application's logic, which has the logics of its modules.
-        parameters: what is to be shown.
+        parameters: say what is to be shown.
         proxy: has the maps and the rendering.
-        problems: gets what stands in the way of showing them.
-        notices: front ends hear of that.
-        windows_3d: the vtkRenderWindows of the 3D views that are shown.
+        problems: gets problems that prevent showing them.
+        notices: informs front ends of changes.
+        windows_3d: returns the vtkRenderWindows of the 3D views that are shown.
 
     Attributes:
-        give_way: whether nothing is shown, from the next `show` on, so that something else in the views is seen.
+        give_way: whether `show` shows nothing, so that something else in the views can be seen.
     """
 
     def __init__(
@@ -73,32 +73,32 @@ class SessionViews:
 
     @property
     def pending(self) -> bool:
-        """Whether there is something still to be shown, by `advance`."""
+        """Whether `advance` still has something to show."""
         return self._display.pending
 
     @property
     def drawing_quickly(self) -> bool:
-        """Whether the look of 3D views is being changed, so that somebody waits for their pictures."""
+        """Whether 3D views are drawn with fewer rays at the moment, because their look is being changed."""
         return self._display.drawing_quickly
 
     @property
     def context_names(self) -> list[str]:
-        """What the parameter `context` may be: what 3D views can show around the structures."""
+        """The possible values of the parameter `context`: the surroundings that 3D views can show."""
         return context_names(self._app_logic)
 
     def look(self, state: ClassState) -> Appearance:
-        """How 3D views show a class where it is visible."""
+        """The look of a visible class in 3D views."""
         return detailed(state.look) if self._parameters.rendering_mode() == "transfer function" else state.look
 
     def window(self, state: ClassState) -> tuple[float, float] | None:
-        """The intensities between which a class gets brighter and more opaque in 3D; None where it is not in 3D yet."""
+        """The intensities between which a class gets brighter and more opaque in 3D; None if it is not in 3D yet."""
         rendering, rendered = self._proxy.rendering, self._proxy.rendered
         if rendering is None or state.id not in rendered:
             return None
         return rendering.window(rendered.index(state.id), state.look)
 
     def histogram(self, state: ClassState) -> IntensityHistogram | None:
-        """Of the intensities in a class and around it; None where it is not in 3D yet."""
+        """Histogram of the intensities in a class and around it; None if it is not in 3D yet."""
         rendering, rendered = self._proxy.rendering, self._proxy.rendered
         if rendering is None or state.id not in rendered:
             return None
@@ -108,14 +108,18 @@ class SessionViews:
         return known[index]
 
     def histogram_svg(self, state: ClassState) -> str | None:
-        """The same as a picture, with the class's transfer function over it (`histogram_picture`); None likewise."""
+        """The same as an SVG picture with the class's transfer function (`histogram_picture`); None if it is not in 3D yet."""
         histogram, window = self.histogram(state), self.window(state)
         if histogram is None or window is None:
             return None
         return histogram_svg(histogram, window, self.look(state))
 
     def middle_ras(self) -> np.ndarray:
-        """Of the structures in 3D, (3,) RAS millimetres: what cameras in files are relative to. InputError: there are none."""
+        """Middle of the structures in 3D, (3,) RAS millimetres, to which cameras in files are relative.
+
+        Raises:
+            InputError: there are no structures in 3D.
+        """
         rendering, volume = self._proxy.rendering, self._parameters.volume
         inside = None if rendering is None else rendering.voxels[..., DEPTH] > SURFACE
         if rendering is None or volume is None or inside is None or not inside.any():
@@ -124,31 +128,31 @@ class SessionViews:
         return middle
 
     def show(self, classes: Sequence[ClassState], selected: ClassState | None, requests: ClassRequests, stale: bool) -> bool:
-        """Bring the views up to date with maps, classes and parameters.
+        """Update the views for the present maps, classes and parameters.
 
         Args:
-            classes: all of them.
-            selected: the one whose similarity is overlaid.
-            requests: what was asked for last of the classes.
-            stale: whether the volume has got other voxels than those that maps are of.
+            classes: all classes.
+            selected: the class whose similarity is overlaid.
+            requests: the last requests of the classes.
+            stale: whether the volume's voxels have changed since the maps were computed.
 
         Returns:
-            Whether slice views have another overlay now.
+            Whether the overlay in slice views has changed.
         """
         with drawn_together(self._app_logic):
             return self._show(classes, selected, requests, stale)
 
     def advance(self) -> None:
-        """Go on with what is still to be shown: some hundredths of a second of work."""
+        """Do some hundredths of a second of the work that is left."""
         with drawn_together(self._app_logic):
             self._try_to(self._display.advance)
 
     def look_in_new_views(self) -> None:
-        """The layout has changed: 3D views that were not shown before look at the scan, if it has structures."""
+        """See `ClassRendering.look_in_new_views`; to be called after the layout has changed."""
         self._display.look_in_new_views()
 
     def export_rendering(self) -> None:
-        """Leave what 3D views show as ordinary nodes of the scene, in place of the rendering that follows clicks."""
+        """Turn the 3D rendering into ordinary nodes of the scene, and switch the rendering that follows clicks off."""
         self._problems.solve("views")
         volume = self._parameters.volume
         if volume is None or self._display.export_rendering(name_for_scene(f"{volume.GetName()} structures")) is None:
@@ -158,7 +162,7 @@ class SessionViews:
         self._notices.tell()
 
     def remove(self) -> None:
-        """Take all that is shown out of the scene."""
+        """Remove all nodes that are shown from the scene."""
         self._display.remove()
 
     def _show(self, classes: Sequence[ClassState], selected: ClassState | None, requests: ClassRequests, stale: bool) -> bool:
@@ -168,7 +172,7 @@ class SessionViews:
         self._ask_for_rendering(rendered)
         maps = self._proxy.maps
         if volume is None:
-            # What is hidden alone keeps its voxels.
+            # Nodes that are only hidden would keep their voxels in memory.
             self._display.remove()
             return False
         if not maps or stale or self.give_way:
@@ -196,12 +200,12 @@ class SessionViews:
             self._problems.solve("views")
 
     def _surroundings(self) -> Surroundings:
-        """What the 3D views show around the structures."""
+        """The look of the surroundings of structures in 3D views."""
         name, strength, cut_away = (self._parameters.get(name) for name in ("context", "contextStrength", "contextCutAway"))
         return named_surroundings(self._app_logic, name, strength, cut_away, self._proxy.rendering)
 
     def _other_proposals(self, selected: ClassState | None, requests: ClassRequests) -> Proposals | None:
-        """What else the selected class might be; None where nobody wants to know, or its points or its user say what it is."""
+        """The selected class's other proposals; None if they are switched off, or points or size are definite enough."""
         maps = self._proxy.low_maps
         if selected is None or not selected.visible or not self._parameters.get("proposalsVisible"):
             return None
