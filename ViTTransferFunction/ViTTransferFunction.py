@@ -1,6 +1,6 @@
-"""The Slicer module: its entry in the list of modules, the life of its panel, its sample data, and its self-test.
+"""The Slicer module: its entry in the list of modules, the life cycle of its panel, its sample data, and its self-test.
 
-This file alone also runs on the Python 3.9 of older Slicers, to say there which Slicer is needed.
+This file must also run on Python 3.9 of older Slicers, where it says which Slicer is needed. No other file does.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from vtk.util.numpy_support import vtk_to_numpy
 __path__ = [str(Path(__file__).parent)]
 
 OLDEST_SLICER = (5, 10)
-"""Earlier ones have Python 3.9, which the rest of the module cannot be written in."""
+"""Earlier versions have Python 3.9, on which the rest of the module does not run."""
 
 WEIGHTS_MB, FEATURES_GB = 88, 20
-"""Of the model of the default preset; at which the features used longest ago are removed."""
+"""Size of the default model's weights; size of the cache at which the least recently used features are removed."""
 
 SAMPLE = "ViTTransferFunctionChestCT"
 SAMPLE_SHA256 = "4507b664690840abb6cb9af2d919377ffc4ef75b167cb6fd0f747befdb12e38e"
@@ -42,7 +42,7 @@ SAMPLE_URL = f"https://github.com/Slicer/SlicerTestingData/releases/download/SHA
 
 
 class ViTTransferFunction(ScriptedLoadableModule):
-    """What Slicer shows of the module before it is opened."""
+    """The module's entry in Slicer: name, category and help."""
 
     def __init__(self, parent: Any) -> None:
         ScriptedLoadableModule.__init__(self, parent)
@@ -73,7 +73,7 @@ def _watch_for_added_scenes() -> None:
 
 
 def _on_start_import(scene: Any, event: str) -> None:
-    """A saved scene is being added, perhaps to another one. Where the panel has not opened that yet, no session keeps it."""
+    """Keep the scene's classes when a saved scene is added, if there is no session yet that does."""
     widget = getattr(slicer.modules, "ViTTransferFunctionWidget", None)
     session_keeps_it = widget is not None and widget.panel is not None and widget.panel.session is not None
     parameter_node = scene.GetSingletonNode("ViTTransferFunction", "vtkMRMLScriptedModuleNode")
@@ -88,10 +88,10 @@ class ViTTransferFunctionLogic(ScriptedLoadableModuleLogic):
 
 
 class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
-    """Keeps the panel in step with Slicer: which module is open, which scene.
+    """Keeps the panel in step with Slicer: opens and closes it with the module and the scene.
 
     Attributes:
-        panel: everything below the module's title; None where Slicer is too old for it.
+        panel: everything below the module's title; None if Slicer is too old for it.
     """
 
     def __init__(self, parent: Any = None) -> None:
@@ -100,7 +100,7 @@ class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixi
         self.panel: Any = None
 
     def setup(self) -> None:
-        """The module is opened for the first time, or was loaded anew."""
+        """The module is opened for the first time, or was reloaded."""
         ScriptedLoadableModuleWidget.setup(self)
         if slicer_is_too_old():
             self.layout.addWidget(_label(too_old_text()))
@@ -118,12 +118,12 @@ class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixi
         self.addObserver(scene, scene.EndCloseEvent, self.onSceneEndClose)
         self.addObserver(scene, scene.StartImportEvent, self.onSceneStartImport)
         self.addObserver(scene, scene.EndImportEvent, self.onSceneEndImport)
-        # After a reload, nobody calls `enter` while the module stays open.
+        # After a reload, Slicer does not call `enter` if the module is open.
         if self.parent.isEntered:
             self.enter()
 
     def cleanup(self) -> None:
-        """Slicer ends, or loads the module anew."""
+        """Slicer ends, or reloads the module."""
         self.removeObservers()
         if self.panel is not None:
             self.panel.leave_input()
@@ -138,14 +138,14 @@ class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixi
             self.panel.refresh()
 
     def exit(self) -> None:
-        """The user goes to another module; what is being computed goes on."""
+        """The user goes to another module; computing continues."""
         if self.panel is not None:
             self.panel.leave_input()
             self.panel.shortcut_help.close()
             self.panel.tools.put_down()
 
     def onSceneStartClose(self, caller: Any, event: str) -> None:  # noqa: N802
-        """All nodes will be gone in a moment."""
+        """The scene is about to be closed."""
         self.panel.close()
 
     def onSceneEndClose(self, caller: Any, event: str) -> None:  # noqa: N802
@@ -154,17 +154,17 @@ class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixi
             self._open()
 
     def onSceneStartImport(self, caller: Any, event: str) -> None:  # noqa: N802
-        """The parameter node may be replaced by the one of a file, step by step."""
+        """A scene is being loaded or added, which may change the parameter node step by step."""
         self.panel.release_parameters()
 
     def onSceneEndImport(self, caller: Any, event: str) -> None:  # noqa: N802
-        """The scene is complete again."""
+        """The scene has been loaded or added."""
         self.panel.bind_parameters()
 
     def onReload(self) -> None:  # noqa: N802
-        """Load the module anew, together with the files that it is made of."""
+        """Reload the module with all of its files."""
         if self.panel is not None:
-            # Before Slicer cleans up: the scene stays as it is, so that nothing of it is left to restore.
+            # Before `cleanup`: the scene stays as it is, so that there are no unsaved points to restore.
             self.panel.close()
         for name in [name for name in sys.modules if name.startswith(f"{self.moduleName}.")]:
             del sys.modules[name]
@@ -203,19 +203,19 @@ def help_text() -> str:
 
 
 def slicer_is_too_old() -> bool:
-    """Whether this Slicer lacks what the module is written in."""
+    """Whether this Slicer's Python is too old for the module."""
     return (slicer.app.majorVersion, slicer.app.minorVersion) < OLDEST_SLICER
 
 
 def too_old_text() -> str:
-    """What to do about it, in one sentence."""
+    """A message that says which Slicer is needed."""
     return _("ViT Transfer Function needs Slicer {needed} or later, and this is Slicer {found}: install a newer one.").format(
         needed=".".join(map(str, OLDEST_SLICER)), found=f"{slicer.app.majorVersion}.{slicer.app.minorVersion}"
     )
 
 
 def _user_was_asked() -> bool:
-    """Whether Slicer, which ends, has asked whether to save: it does where its window is closed. A restart leaves that open."""
+    """Whether Slicer, which ends, has asked the user to save: it does if its window is closed, but not before a restart."""
     window = slicer.util.mainWindow()
     return window is None or not window.visible
 
@@ -229,7 +229,7 @@ def _label(text: str) -> Any:
 
 
 def register_sample_data() -> None:
-    """Offer the data of tutorial and self-test in the module Sample Data: Slicer's own chest CT."""
+    """Offer the self-test's data, Slicer's own chest CT, in the module Sample Data."""
     import SampleData
 
     SampleData.SampleDataLogic.registerCustomSampleDataSource(
@@ -243,7 +243,7 @@ def register_sample_data() -> None:
 
 
 class ViTTransferFunctionTest(ScriptedLoadableModuleTest):
-    """The whole path on sample data, from the volume to segments. Skipped without PyTorch, or a network where it is needed."""
+    """The whole path on sample data, from the volume to segments. Skipped without PyTorch, or without a needed network."""
 
     GRID = 16
     """Coarse, to take less than a minute."""
@@ -255,7 +255,7 @@ class ViTTransferFunctionTest(ScriptedLoadableModuleTest):
         slicer.mrmlScene.Clear()
 
     def runTest(self, **options: Any) -> None:  # noqa: N802
-        """Run the test, and say in one line how it went: Slicer's exit code does not."""
+        """Run the test, and print the outcome in one line, since Slicer's exit code does not tell it."""
         verdict = "FAILED"
         try:
             self.setUp()
@@ -300,7 +300,7 @@ class ViTTransferFunctionTest(ScriptedLoadableModuleTest):
         register_sample_data()
         try:
             return SampleData.downloadSample(SAMPLE)
-        except IndexError:  # SampleData logs what went wrong, and looks for the first of no nodes.
+        except IndexError:  # After a failed download, SampleData takes the first node of an empty list.
             self._skip_if_offline(SAMPLE_URL)
             raise
 
@@ -377,7 +377,7 @@ class ViTTransferFunctionTest(ScriptedLoadableModuleTest):
         return segmentation
 
     def _voxels(self, segmentation: Any) -> list[int]:
-        """How many voxels each segment has."""
+        """Number of voxels of each segment."""
         counts = []
         for segment_id in segmentation.GetSegmentation().GetSegmentIDs():
             image = slicer.vtkOrientedImageData()

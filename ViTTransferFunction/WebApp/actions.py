@@ -1,4 +1,4 @@
-"""What the page can ask for, by name: each does one thing to the session, and what the panel of the Slicer module has too."""
+"""The actions that the page can request, by name; each does one thing to the session, as the panel's controls do."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
 _SETTINGS: dict[str, type] = {"opacity": float, "proximity": float, "refine": bool, "iso": float, "tone": float, "edges": float}
 """Fields of the selected class that the page's sliders and boxes set."""
 _FOLDED = ("appearance", "advanced")
-"""Parts of the page that are made when they are opened."""
+"""Parts of the page whose content is made only while they are open."""
 _NOT_OPENED = ("notReadable", "nothingDropped", "notSent")
-"""By which the page tells why nothing was opened: as the server itself does, until something else is opened."""
+"""Actions by which the page reports why nothing was opened; the message stays until something else is opened."""
 
 
 class Actions:
     """The table of actions.
 
     Args:
-        app: whose session and tools they work on.
+        app: the app whose session and tools they work on.
     """
 
     def __init__(self, app: WebApp) -> None:
@@ -98,15 +98,15 @@ class Actions:
             self._by_name[part] = self._unfold(part)
 
     def __call__(self, name: str, *arguments: Any) -> bool:
-        """Do what the page asks for; what it cannot ask for is ignored, and what the user can put right is shown.
+        """Carry out a request of the page; unknown actions are ignored, and an InputError is shown to the user.
 
         Returns:
-            Whether it was done.
+            Whether the action was carried out.
         """
         action = self._by_name.get(name)
         if action is None:
             return False
-        # Of one setting, or of one thing to do, the last attempt counts.
+        # A new attempt at the same setting or action removes the message of the former one.
         about = OPENING if name in _NOT_OPENED else f"{name} {arguments[0]}" if name == "parameter" and arguments else name
         self._app.try_again(about)
         done = True
@@ -122,7 +122,7 @@ class Actions:
         return lambda: self._app.tool.toggle(tool)
 
     def _of_selected(self, do: Callable[[SceneSession, str], object]) -> Callable[[], None]:
-        """Does something to the session and the selected class, which has an id; where none is selected, nothing."""
+        """An action on the session and the id of the selected class; it does nothing if no class is selected."""
 
         def act() -> None:
             selected = self._app.session.selected_class
@@ -132,7 +132,7 @@ class Actions:
         return act
 
     def _unfold(self, part: str) -> Callable[[bool], None]:
-        """The page shows a part, or does not any more."""
+        """An action by which the page says whether it shows a part."""
 
         def unfold(opened: bool) -> None:
             self._app.server.state[f"{part}_open"] = bool(opened)
@@ -158,7 +158,7 @@ class Actions:
         raise InputError("The files did not arrive, since the connection was lost, and nothing was opened. Open them again.")
 
     def _class(self, id_: str) -> ClassState:
-        """The class of an id that the page sent; it may be gone since."""
+        """The class with an id that the page sent. Raises InputError if it was removed meanwhile."""
         for state in self._app.session.classes:
             if state.id == id_:
                 return state
@@ -175,7 +175,7 @@ class Actions:
             tool.toggle("pointOn")
 
     def _remove_class(self, id_: str = "") -> None:
-        """Remove a class, the selected one unless named, and select the next one."""
+        """Remove a class, by default the selected one, and select the next one."""
         session = self._app.session
         state = self._class(id_) if id_ else session.selected_class
         if state is not None:
@@ -197,7 +197,7 @@ class Actions:
             self._set_fields(iso=None if automatic else self._app.session.chosen_iso(selected.id))
 
     def _set_parameter(self, name: str, value: Any) -> None:
-        """Set one of the session's settings. Raises InputError where it cannot be that."""
+        """Set one of the session's settings. Raises InputError if the value is not possible."""
         if name in PARAMETERS and value is not None:
             parameters = self._app.session.parameters
             value = type(parameters.DEFAULTS[name])(value)
@@ -205,12 +205,12 @@ class Actions:
             parameters.set(name, value)
 
     def _set_style(self, style: str) -> None:
-        """Choose how the selected class looks in 3D; another style brings its own of all that it is made of."""
+        """Choose the selected class's style in 3D; tone, ramp and edges become those of the style."""
         if style in style_words():
             self._set_fields(style=style, tone=None, ramp=None, edges=None)
 
     def _set_look(self, low: float | None, high: float | None, automatic: bool) -> None:
-        """Set between which intensities the selected class gets brighter in 3D; None: as it is."""
+        """Set the intensities between which the selected class gets brighter in 3D; None: unchanged."""
         selected = self._app.session.selected_class
         shown = self._app.session.views.window(selected) if selected is not None else None
         if automatic:
@@ -219,26 +219,26 @@ class Actions:
             self._set_fields(low=_or(low, shown[0]), high=_or(high, shown[1]))
 
     def _load_camera(self, text: str) -> None:
-        """See the 3D view from where a file says, which has this text."""
+        """Set the camera of the 3D view to that of a file with this text."""
         view, state = self._app.views.view_3d, self._app.server.state
         state.picture_width, state.picture_height = load_camera(self._app.session, view.render_window(), str(text))
         view.schedule_render()
         self._app.views.settle()
 
     def _set_network_window(self, low: float | None, high: float | None, automatic: bool) -> None:
-        """Set which intensities the network sees; None: as it is."""
+        """Set the range of intensities that the network sees; None: unchanged."""
         parameters = self._app.session.parameters
         shown = parameters.window
         parameters.set_window(_or(low, shown[0]), _or(high, shown[1]), bool(automatic))
 
     def _remove_exported(self, id_: str) -> None:
-        """Take a rendering that was exported out of the scene."""
+        """Remove an exported rendering from the scene."""
         for volume in exported_renderings(self._app.scene):
             if volume.GetID() == id_:
                 remove_exported(self._app.scene, volume)
 
     def _continue_segment(self, segment_id: str) -> None:
-        """Add a class that begins with points in a segment of the session."""
+        """Add a class with points from a segment of the session."""
         if str(segment_id) in self._app.session.segments.names:
             self._app.session.continue_segment(str(segment_id))
 
@@ -250,7 +250,7 @@ class Actions:
             node.GetDisplayNode().SetVisibility(bool(visible))
 
     def _set_window(self, low: float | None, high: float | None) -> None:
-        """Set both ends of the window, or one; None: as it is."""
+        """Set one or both ends of the slices' window; None: unchanged."""
         volume = self._app.session.parameters.volume
         if volume is not None:
             display = volume.GetScalarVolumeDisplayNode()
@@ -258,5 +258,5 @@ class Actions:
 
 
 def _or(given: float | None, otherwise: float) -> float:
-    """What the page gave, as a number; what is there, where it gave nothing that is one."""
+    """The page's value as a number, or the present one if the page sent None."""
     return otherwise if given is None else float(given)

@@ -43,58 +43,58 @@ from .straightening import straightened
 logger = logging.getLogger(__name__)
 
 SMALLEST_EXTENT_MM = 0.05
-"""No body is so short in metres, nor what is imaged by X-rays in millimetres."""
+"""Shorter images are refused: neither a body in metres nor an X-ray specimen in millimetres is so short."""
 LIKELY_EXTENT_MM = 2.0
-"""A whole body in metres is shorter, and so is what is imaged at voxels of less than a micrometre."""
+"""Shorter images get a warning: they may be a body in metres, or a specimen with voxels of less than a micrometre."""
 
 LARGEST_EXTENT_MM = 1e5
-"""A mouse in micrometres is about as long."""
+"""Longer images are refused: this is about the length of a mouse in micrometres."""
 
 UNNAMED = "volume"
-"""What a volume is called that has no name."""
+"""Name of a volume without a name."""
 
 _NRRD_AXES = re.compile(r"number of domain axes in the NRRD file \((\d+)\)")
-"""In ITK's words where they are not as many as a header's directions in space have numbers."""
+"""ITK's message if the number of axes does not match the length of their direction vectors."""
 
 _NO_SPACING = re.compile(r"Refusing to change spacing from .* to \[([^]]*)\]|axis \d+ spacing \((\S*)\) invalid")
-"""In ITK's and in Teem's words."""
+"""Messages of ITK and Teem about unusable spacings."""
 
 _NIFTI_COPIES = 2
-"""Of the voxels, while ITK reads them: its reader's and the image's. Those of other formats are read into the image."""
+"""Copies of the voxels in memory while ITK reads NIfTI: the reader's and the image's. Other formats need only the image's."""
 
 _SEGMENT = re.compile(rb"^Segment0_\w+:=", re.MULTILINE)
-"""In headers of Slicer's segmentations, whatever they are called."""
+"""Occurs in the headers of Slicer's segmentations, whatever their file names."""
 
 
 def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, series: str | None = None) -> Volume:
     """Read a scalar 3D volume.
 
-    Slices that are shifted against each other are put on a straight grid, as are those of DICOM at uneven distances
+    Slices that are shifted against each other, and DICOM slices at uneven distances, are resampled to a straight grid
     (`straightened`).
 
     Args:
-        path: an image file, or a folder that holds a DICOM series, itself or in folders below.
-        on_warning: is told where slices were put on a straight grid, and where some seem to be missing; which other series and
-            files of the folder were passed over, since they are no volumes; where a header does not say how far apart voxels
-            are or how they lie, or other programs read it otherwise (`warn_of_place`); where intensities were inverted; where
-            an image may be in metres; and where it looks like a map of labels.
-        series: which of the folder's series, as `choose_series` takes it; None: the only one that can be a volume.
+        path: an image file, or a folder that contains a DICOM series, also in subfolders.
+        on_warning: called with a message for each of these: slices were resampled, or seem to be missing; other series and
+            files of the folder were skipped, since they are not volumes; a header does not give spacing or orientation, or
+            other programs read it differently (`warn_of_place`); intensities were inverted; the image may be in metres; it
+            looks like a label map.
+        series: the series to read, in the form that `choose_series` takes; None: the only one that can be a volume.
 
     Raises:
-        SeveralSeries: more than one of the folder's series may be meant, or the wanted one is not there.
-        InputError: missing, unreadable, cut off, not a scalar 3D image, a segmentation of Slicer's, not lying anywhere in
-            millimetres, or nothing to be seen in it (`Volume`).
+        SeveralSeries: several of the folder's series can be volumes, or the given one does not exist.
+        InputError: the image is missing, unreadable, truncated, not scalar and 3D, a Slicer segmentation, has no valid geometry
+            in millimetres, or cannot be a `Volume`.
     """
     if series is not None and not is_folder(path):
         raise InputError(f"{path} is no folder of DICOM series; leave --series {shown(series)} out, or name the folder.")
     if not is_folder(path):
         _check_no_segmentation(path)
-    # Slices of DICOM say themselves where they lie, and what they are.
+    # DICOM slices contain their position and kind, so that the checks below are for other formats.
     reader = DICOM_READER if is_folder(path) else image_format(path).reader
     is_dicom = reader == DICOM_READER
     image, positions = _read_dicom(path, on_warning, series) if is_dicom else (_read_file(path), None)
     geometry = _geometry(image, path)
-    # ITK keeps what a NIfTI header said when it writes another format, although the image may have been moved or cropped since.
+    # Only for NIfTI files: ITK keeps NIfTI fields in other formats, although the image may have been moved or cropped since.
     if reader == NIFTI_READER:
         warn_of_place(path, image, geometry, on_warning)
     if not is_dicom and not says_spacing(path):
@@ -124,13 +124,13 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
 
 
 def read_image(path: Path) -> tuple[np.ndarray, Geometry, dict[str, str]]:
-    """Read a scalar 3D image file, of label numbers say.
+    """Read a scalar 3D image file, such as a label map.
 
     Returns:
-        Voxels (K, J, I), where they lie, and the header's key-value pairs.
+        Voxels (K, J, I), their geometry, and the header's key-value pairs.
 
     Raises:
-        InputError: missing, unreadable, cut off, or not a scalar 3D image.
+        InputError: the file is missing, unreadable, truncated, or not a scalar 3D image.
     """
     image = _read_file(path)
     tags = {key: image.GetMetaData(key) for key in image.GetMetaDataKeys()}
@@ -138,14 +138,14 @@ def read_image(path: Path) -> tuple[np.ndarray, Geometry, dict[str, str]]:
 
 
 def read_geometry(path: Path) -> Geometry:
-    """Where the voxels of an image file lie, from its header alone. Raises InputError as `read_image` does."""
+    """Geometry of an image file, from its header only. Raises InputError as `read_image` does."""
     locate_voxels(path)  # Refuses headers that ITK crashes on.
     with _header_reader(path) as reader:
         return _geometry(reader, path)
 
 
 def files_of(path: Path) -> list[Path]:
-    """The files that `read_volume` would read, as far as that can be told without reading them.
+    """The files that `read_volume` would read, judging without reading them completely.
 
     Raises:
         InputError: the volume is missing, or its header cannot be used.
@@ -155,13 +155,13 @@ def files_of(path: Path) -> list[Path]:
     stored, header = locate_voxels(path), image_format(path).header(path)
     if stored is not None:
         return [header, stored.path]
-    # Where in the file its reader alone knows.
+    # Only the format's reader knows where the voxels begin in the file.
     named = named_voxels(path)
     return [header] if named is None else [header, path.parent / named]
 
 
 def image_geometry(image: sitk.Image | sitk.ImageFileReader) -> Geometry:
-    """Geometry of a 3D SimpleITK image, or of the one whose header was read; further axes are passed over."""
+    """Geometry of a 3D SimpleITK image, or of a reader that has read the header; further axes are ignored."""
     axes = image.GetDimension()
     directions = np.array(image.GetDirection()).reshape(axes, axes)[:3, :3]
     ijk_to_lps = np.eye(4)
@@ -182,9 +182,9 @@ def _geometry(image: sitk.Image | sitk.ImageFileReader, path: Path) -> Geometry:
 
 
 def _check_no_segmentation(path: Path) -> None:
-    """The numbers of segments would be taken for intensities: everything runs, and nothing of it means anything."""
+    """Refuse Slicer segmentations: their labels would be taken for intensities, and all results would be meaningless."""
     start = read_start(path)
-    end = start.find(b"\n\n")  # None where the voxels are in another file.
+    end = start.find(b"\n\n")  # -1 if the voxels are in another file.
     if start.startswith(b"NRRD") and _SEGMENT.search(start, 0, len(start) if end < 0 else end):
         raise InputError(
             f"{path} is a segmentation; expected the scan that it is of. Open the file that the scan was read from."
@@ -196,7 +196,7 @@ def _says_labels(image: sitk.Image) -> bool:
 
 
 def _check_millimetres(geometry: Geometry, path: Path, on_warning: Callable[[str], None]) -> None:
-    """Other units would be taken for millimetres: distances between points, and millilitres, would all be wrong."""
+    """Refuse or warn of images in other units than millimetres: distances and volumes would all be wrong."""
     longest_mm = float(geometry.extent_mm.max())
     if LIKELY_EXTENT_MM <= longest_mm <= LARGEST_EXTENT_MM:
         return
@@ -215,12 +215,12 @@ def _check_millimetres(geometry: Geometry, path: Path, on_warning: Callable[[str
 
 
 def _voxels(image: sitk.Image) -> np.ndarray:
-    """The voxels (K, J, I) of an image that nobody else has: its own memory, of which a copy would take as much again."""
+    """The voxels (K, J, I) of an image that is not used elsewhere: its own memory, since a copy would need as much again."""
     return np.asarray(_Memory(image)).reshape(image.GetSize()[2::-1])
 
 
 class _Memory:
-    """An image's memory, as numpy takes it. The array holds on to it, and so to the image, which SimpleITK's views do not."""
+    """An image's memory for NumPy. The array keeps it, and so the image, alive; SimpleITK's own views do not."""
 
     def __init__(self, image: sitk.Image) -> None:
         self._image = image
@@ -243,7 +243,7 @@ def _read_file(path: Path) -> sitk.Image:
 
 @contextmanager
 def _header_reader(path: Path) -> Iterator[sitk.ImageFileReader]:
-    """A reader that has read the header: what cannot be used is refused before its voxels are read."""
+    """A reader that has read the header, so that unusable files are refused before their voxels are read."""
     reader = sitk.ImageFileReader()
     reader.SetImageIO(image_format(path).reader)
     with _under_its_own_name(path) as name:
@@ -257,7 +257,7 @@ def _header_reader(path: Path) -> Iterator[sitk.ImageFileReader]:
 
 
 def _in_words(error: RuntimeError) -> str:
-    """What SimpleITK complains of, and what to do about it where that is known."""
+    """SimpleITK's error message, or for known ones a clearer message that says what to do."""
     reason = last_line(error)
     if "orthonormal" in reason:
         return (
@@ -275,10 +275,10 @@ def _in_words(error: RuntimeError) -> str:
 
 @contextmanager
 def _under_its_own_name(path: Path) -> Iterator[Path]:
-    """A path by which ITK reads just the file at `path`.
+    """A path by which ITK reads exactly the file at `path`.
 
-    Its reader of NIfTI goes by names: beside `s.nii` it takes the voxels of that for those of `s.nii.gz`, and of endings it
-    knows only those that are all in one case.
+    ITK's NIfTI reader goes by names: if there is a file `s.nii`, it reads that file's voxels for `s.nii.gz`, and it does not
+    recognise endings in mixed case.
     """
     ending = image_ending(path) or ""
     if ending not in (".nii", ".nii.gz") or (path.name.endswith(ending) and not _namesake(path).exists()):
@@ -288,7 +288,7 @@ def _under_its_own_name(path: Path) -> Iterator[Path]:
         alias = Path(folder) / f"image{ending}"
         try:
             alias.symlink_to(path.resolve())
-        except OSError:  # Windows lets few users make links.
+        except OSError:  # On Windows, few users may create links.
             try:
                 shutil.copyfile(path, alias)
             except OSError as error:
@@ -297,12 +297,12 @@ def _under_its_own_name(path: Path) -> Iterator[Path]:
 
 
 def _namesake(path: Path) -> Path:
-    """The file whose voxels ITK would take for those of a `.nii.gz` file."""
+    """The file of the same name with or without `.gz`, which ITK might read instead."""
     return path.with_name(path.name[: -len(".gz")]) if path.name.endswith(".gz") else path.with_name(f"{path.name}.gz")
 
 
 def _read_dicom(path: Path, on_warning: Callable[[str], None], series: str | None) -> tuple[sitk.Image, np.ndarray | None]:
-    """A folder's series, or a file, and where the first pixel of each slice lies, (K, 3) RAS millimetres, as far as it says."""
+    """The image of a folder's series or a DICOM file, and positions of its slices' first pixels, (K, 3) RAS mm, if known."""
     if is_folder(path):
         image, positions = read_series(path, on_warning, series)
         _check_header(image.GetSize(), image.GetNumberOfComponentsPerPixel(), path)
@@ -314,7 +314,7 @@ def _read_dicom(path: Path, on_warning: Callable[[str], None], series: str | Non
 
 
 def _check_header(size: Sequence[int], components: int, path: Path) -> None:
-    """Raise InputError unless it is of a scalar 3D volume; one that has further axes is, if it has one frame along these."""
+    """Raise InputError unless a header is of a scalar 3D volume; further axes are allowed if their length is 1."""
     if components > 1 and path.name.lower().endswith(SEGMENTATION_ENDING):
         raise InputError(
             f"{path} has its segments in {components} layers, as Slicer keeps those that overlap; expected one layer. In "
@@ -329,11 +329,11 @@ def _check_header(size: Sequence[int], components: int, path: Path) -> None:
 
 
 def _alone(axes: int) -> str:
-    """What to do with an image of so many axes."""
+    """Advice for an image with this number of axes."""
     return "Choose one channel or time point and save it alone." if axes > 2 else "Name the stack that it is a slice of."
 
 
 def _name(path: Path) -> str:
-    # What lies at the top of a disk, as on a patient's, has no name.
+    # The root folder of a disk, such as a patient's CD, has no name.
     name = path.resolve().name or UNNAMED
     return name[: -len(".nii.gz")] if name.lower().endswith(".nii.gz") else (name if path.is_dir() else path.stem)

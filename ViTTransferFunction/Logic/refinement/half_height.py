@@ -1,18 +1,18 @@
-"""Surfaces at strong edges lie halfway up: where a voxel has as much of one side as of the other.
+"""Moves surfaces to half the height of strong edges, where a voxel contains equal parts of both sides.
 
-Where tissue ends at lung, gas or air, voxels between the two hold some of both. They are like neither, so that densities
-learned from the two sides say little of them, and what is small loses them. A voxel is half inside where its intensity is
-halfway between those of both sides, and what these are is seen nearby (Lankton, Tannenbaum, 2008):
+Where tissue ends at lung, gas or air, voxels at the border contain some of both. They resemble neither side, so that densities
+learned from the two sides say little about them, and small structures lose them. A voxel is half inside if its intensity is
+halfway between those of both sides, which are measured in its neighbourhood (Lankton, Tannenbaum, 2008):
 
     m'(x) = [ (u_x − (c₁ + c₂) / 2) (c₁ − c₂) > 0 ],    c₁ = G * (u m) / G * m,    c₂ = G * (u (1 − m)) / G * (1 − m)
 
-Strong are edges that a person sees as grey next to black or white: c₁ and c₂ differ by more than the whole display window.
-Grey voxels, whose intensities lie in that window, are as often other tissue as a mixture: fat and diaphragm between spleen
-and lung, or muscle between bone and lung. They move only where one side is almost all grey and the other has hardly any grey,
-as a nodule and the lung around it.
+An edge is strong if a person sees it as grey next to black or white: c₁ and c₂ differ by more than the whole display window.
+Grey voxels, whose intensities lie in that window, are as often another tissue as a mixture: fat and diaphragm between spleen
+and lung, or muscle between bone and lung. They change sides only if one side is almost all grey and the other has hardly any
+grey, as with a nodule and the lung around it.
 
-G is a box of some millimetres, made of blocks of voxels, and all sums are whole numbers: neither the order in memory nor the
-parts in which it is done make a difference.
+G is a box of some millimetres, made of blocks of voxels, and all sums are whole numbers, so that the result depends neither on
+the order in memory nor on the parts in which it is computed.
 """
 
 from __future__ import annotations
@@ -35,29 +35,29 @@ from .window_sums import block_sums, window_sums
 
 STEPS = 3
 STRONG = 1.0
-"""By how much the sides differ at a strong edge, in widths of the display window."""
+"""Least difference of the two sides at a strong edge, in widths of the display window."""
 SMALLEST_SHARE = 0.2
-"""Of a neighbourhood, that each side has where a surface runs, unless that divides the block in the middle."""
+"""Least share of a neighbourhood that each side must have, unless the surface divides the block in the middle."""
 HARDLY_GREY = 0.25
-"""Up to this share of a side's voxels; from all but so many on, it is almost all grey."""
+"""A side with at most this share of grey voxels has hardly any grey; with all but this share, it is almost all grey."""
 BLOCK_MM = 2.5
-"""Edge of the blocks; a neighbourhood is three of them wide."""
+"""Edge of the blocks; a neighbourhood is three blocks wide."""
 _LARGEST_BLOCK = 4
-"""Voxels: where these are very small, an edge is hardly wider than elsewhere."""
+"""Largest edge of a block, in voxels: even where these are very small, edges are only a few voxels wide."""
 _LEVELS_PER_WIDTH = 600
 _WIDTHS_AROUND = 2.5
-"""Beyond the display window, on either side, intensities are told apart, in its widths: metal is as white as bone."""
+"""How far beyond the display window intensities are distinguished, in widths of it; metal counts as white as bone."""
 _VOXELS_HELD = 2**24
-"""Steps are made in so many at once, for which half a dozen bytes each are held, and dozens near the surface."""
+"""Voxels that are processed at once; each takes half a dozen bytes meanwhile, and dozens near the surface."""
 
 
 @dataclass(frozen=True)
 class BlockGrid:
-    """Blocks of a volume's voxels.
+    """Blocks of voxels in a box of a volume.
 
     Attributes:
-        edges: of a block, along (K, J, I), in voxels.
-        before: voxels of the first blocks that lie before the part of the volume that is looked at, along (K, J, I).
+        edges: edges of a block along (K, J, I), in voxels.
+        before: by how many voxels the first blocks begin before the box, along (K, J, I).
     """
 
     edges: tuple[int, int, int]
@@ -65,14 +65,14 @@ class BlockGrid:
 
     @classmethod
     def of(cls, geometry: Geometry, box: Box) -> BlockGrid:
-        """Those of a volume's box; they begin at the same end of the patient in whatever direction the volume is stored."""
+        """The blocks of a volume's box; they begin at the same end of the patient, however the volume is stored."""
         k, j, i = np.clip(np.rint(BLOCK_MM / geometry.spacing_mm[::-1]), 1, _LARGEST_BLOCK).astype(int).tolist()
         from_end = canonical_orientation(geometry).runs_along
         first = box[0].start, box[1].start, box[2].start
         return cls((k, j, i), voxels_before(geometry.shape, (k, j, i), from_end, first))
 
     def in_layers(self, layers: slice) -> BlockGrid:
-        """The same in some layers of what is looked at."""
+        """The same blocks in a range of the box's layers along K."""
         k, j, i = self.before
         return BlockGrid(self.edges, ((k + layers.start) % self.edges[0], j, i))
 
@@ -85,19 +85,19 @@ def at_half_height(
     marks: Sequence[Mark] = (),
     between: Between = nothing_between,
 ) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
-    """A mask whose surface was moved halfway up where edges are strong, some layers after the other.
+    """Move a mask's surface to half the height of strong edges; yields some layers after the other.
 
     Args:
-        mask: (K, J, I) bool. It must stay as it is meanwhile.
-        intensities: (K, J, I), any real dtype; a voxel that is not finite stays on its side.
-        grid: the blocks in which neighbourhoods are looked at.
+        mask: (K, J, I) bool. It must not be changed meanwhile.
+        intensities: (K, J, I), any real dtype; voxels that are not finite stay on their side.
+        grid: the blocks that neighbourhoods are made of.
         display: the window in which a person would look at the intensities.
         marks: places that stay on their side.
         between: called between short steps; may raise `Cancelled`.
 
     Yields:
-        Layers along K; the mask there, (layers, J, I) bool; and how much of each voxel's neighbourhood it is, g of
-        `threshold_dynamics` times `WHOLE`, int16 of the same shape.
+        A range of layers along K; the new mask there, (layers, J, I) bool; and the share of each voxel's neighbourhood that it
+        fills, g of `threshold_dynamics` times `WHOLE`, int16 of the same shape.
     """
     import torch
 
@@ -122,7 +122,7 @@ def _after_steps(
     marks: Sequence[Mark],
     between: Between,
 ) -> np.ndarray:
-    """A mask (K, J, I) after all steps."""
+    """The mask (K, J, I) after all steps."""
     between()
     shell = _shell_of(mask, grid)
     found = intensities[shell.voxels]
@@ -147,13 +147,13 @@ def _after_steps(
 
 
 class _Shell(NamedTuple):
-    """The N blocks near a surface, and the M among them in whose neighbourhoods there is something of both sides.
+    """The N blocks near a surface, and the M of them whose neighbourhoods contain both sides.
 
     Attributes:
-        voxels: of the N blocks: indices along K, J and I, of shapes (N, k, 1, 1), (N, 1, j, 1) and (N, 1, 1, i).
-        exist: (N, k, j, i) bool, whether the volume has these voxels; where it has not, `voxels` are others.
-        moving: (M,) which of the N blocks these are.
-        neighbours: (27, M) which blocks are in their neighbourhoods; N for those beyond the volume.
+        voxels: indices along K, J and I of the N blocks' voxels, of shapes (N, k, 1, 1), (N, 1, j, 1) and (N, 1, 1, i).
+        exist: (N, k, j, i) bool, whether these voxels lie in the volume; indices of others are clipped to it.
+        moving: (M,) indices of the M blocks among the N.
+        neighbours: (27, M) indices of the blocks in their neighbourhoods; N for those outside the volume.
     """
 
     voxels: tuple[np.ndarray, ...]
@@ -162,7 +162,7 @@ class _Shell(NamedTuple):
     neighbours: np.ndarray
 
     def around(self, sums: np.ndarray, between: Between) -> np.ndarray:
-        """Sums of the N blocks (N, 3), added up over the neighbourhoods of the M, (M, 3) int32."""
+        """Sums of the N blocks (N, 3), added up over the neighbourhoods of the M blocks, (M, 3) int32."""
         and_nothing = np.concatenate([sums, np.zeros((1, 3), dtype=np.int32)])
         added = np.zeros((len(self.moving), 3), dtype=np.int32)
         for neighbour in self.neighbours:
@@ -171,7 +171,7 @@ class _Shell(NamedTuple):
         return added
 
     def indices(self, some: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
-        """Indices along K, J and I of some of the voxels, (N, k, j, i)."""
+        """Indices along K, J and I in the volume, from indices into arrays of the shape (N, k, j, i)."""
         which, k, j, i = some
         along_k, along_j, along_i = self.voxels
         return along_k[which, k, 0, 0], along_j[which, 0, j, 0], along_i[which, 0, 0, i]
@@ -192,7 +192,7 @@ def _shell_of(mask: np.ndarray, grid: BlockGrid) -> _Shell:
 
 
 def _voxels_of(blocks: np.ndarray, shape: tuple[int, ...], grid: BlockGrid) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """`voxels` and `exist` of `_Shell`, of blocks (N, 3) in a volume of `shape` (K, J, I)."""
+    """`voxels` and `exist` of `_Shell` for blocks (N, 3) in a volume of `shape` (K, J, I)."""
     voxels, exist = [], np.ones((1, 1, 1, 1), dtype=bool)
     for axis, (n, edge, before) in enumerate(zip(shape, grid.edges, grid.before, strict=True)):
         along = blocks[:, axis, None] * edge - before + np.arange(edge)
@@ -203,7 +203,7 @@ def _voxels_of(blocks: np.ndarray, shape: tuple[int, ...], grid: BlockGrid) -> t
 
 
 def _has_both_sides(mask: np.ndarray, grid: BlockGrid) -> np.ndarray:
-    """Whether blocks have something of the inside and of the outside of a mask (K, J, I) around them, bool (K', J', I')."""
+    """Whether the neighbourhoods of blocks contain inside and outside of a mask (K, J, I), bool (K', J', I')."""
     import torch
 
     sides = []
@@ -215,14 +215,14 @@ def _has_both_sides(mask: np.ndarray, grid: BlockGrid) -> np.ndarray:
 
 
 def _are_around(blocks: np.ndarray) -> np.ndarray:
-    """Whether some blocks (K', J', I') bool are in the neighbourhood of each."""
+    """Whether the neighbourhood of each block contains any of some blocks, both bool (K', J', I')."""
     import torch
 
     return array_of(window_sums(tensor_of(blocks).view(torch.uint8), 1)) > 0
 
 
 def _held(marks: Sequence[Mark], shape: tuple[int, ...]) -> np.ndarray:
-    """What marks say of a volume's voxels, and so stays as it is, (K, J, I) bool."""
+    """The voxels that marks determine, and that must not change, (K, J, I) bool."""
     held = np.zeros(shape, dtype=bool)
     for mark in marks:
         box, known = mark.known_of(shape)
@@ -232,13 +232,13 @@ def _held(marks: Sequence[Mark], shape: tuple[int, ...]) -> np.ndarray:
 
 
 class _StrongEdges(NamedTuple):
-    """Blocks in whose neighbourhoods the sides differ strongly, (E,).
+    """The E blocks in whose neighbourhoods the sides differ strongly.
 
     Attributes:
-        which: of the M blocks that may change.
-        halfway: the level halfway between both sides.
-        brighter_inside: whether the inside is.
-        of_grey: whether one side is almost all grey and the other has hardly any.
+        which: their indices among the M blocks, (E,).
+        halfway: the level halfway between both sides, (E,).
+        brighter_inside: whether the inside is the brighter side, (E,).
+        of_grey: whether one side is almost all grey and the other has hardly any grey, (E,).
     """
 
     which: np.ndarray
@@ -247,23 +247,23 @@ class _StrongEdges(NamedTuple):
     of_grey: np.ndarray
 
     def join(self, levels: np.ndarray) -> np.ndarray:
-        """Whether voxels of the blocks belong inside by their levels (E, k, j, i)."""
+        """Whether voxels with these levels (E, k, j, i) belong inside."""
         halfway, brighter_inside = self.halfway[:, None, None, None], self.brighter_inside[:, None, None, None]
         return np.where(brighter_inside, levels > halfway, levels < halfway)
 
     def let_move(self, levels: np.ndarray) -> np.ndarray:
-        """Whether voxels of the blocks may change sides by their levels (E, k, j, i)."""
+        """Whether voxels with these levels (E, k, j, i) may change sides."""
         may: np.ndarray = self.of_grey[:, None, None, None] | ~_is_grey(levels)
         return may
 
 
 def _strong_edges(inside: np.ndarray, around: np.ndarray, divided: np.ndarray) -> _StrongEdges:
-    """Where edges at the surface are strong.
+    """The blocks at which edges are strong.
 
     Args:
-        inside: sums of what is inside in M neighbourhoods, (M, 3); see `_sums`.
-        around: of all that is there.
-        divided: (M,) bool, whether the block in the middle has something of both sides itself, as of small structures.
+        inside: sums of the inside voxels of M neighbourhoods, (M, 3); see `_sums`.
+        around: sums of all of their voxels, (M, 3).
+        divided: (M,) bool, whether the block in the middle itself contains both sides, as in small structures.
     """
     share = inside[:, 0] / np.maximum(around[:, 0], 1)
     here = np.flatnonzero(divided | ((share >= SMALLEST_SHARE) & (share <= 1.0 - SMALLEST_SHARE)))
@@ -277,14 +277,14 @@ def _strong_edges(inside: np.ndarray, around: np.ndarray, divided: np.ndarray) -
 
 
 def _sums(voxels: np.ndarray, levels: np.ndarray) -> np.ndarray:
-    """How many of some voxels (N, k, j, i) bool blocks have, the sum of their levels, and how many are grey: (N, 3) int32."""
+    """For each block: number of `voxels` (N, k, j, i) bool, sum of their levels, and number of grey ones; (N, 3) int32."""
     within = 1, 2, 3
     sums = voxels.sum(within), np.where(voxels, levels, 0).sum(within), (voxels & _is_grey(levels)).sum(within)
     return np.stack(sums, axis=1).astype(np.int32)
 
 
 def _levels_of(intensities: np.ndarray, display: IntensityWindow) -> np.ndarray:
-    """Intensities of any shape as whole numbers from 0, int16; those that are not finite get any."""
+    """Intensities of any shape as whole numbers from 0, int16; values that are not finite get arbitrary ones."""
     levels = intensities.astype(np.float64)
     levels -= display.low
     levels /= display.width
@@ -297,7 +297,7 @@ def _levels_of(intensities: np.ndarray, display: IntensityWindow) -> np.ndarray:
 
 
 def _is_grey(levels: np.ndarray) -> np.ndarray:
-    """Whether levels are of the display window, bool of their shape."""
+    """Whether levels lie in the display window, bool of the same shape."""
     black, white = _WIDTHS_AROUND * _LEVELS_PER_WIDTH, (_WIDTHS_AROUND + 1.0) * _LEVELS_PER_WIDTH
     grey: np.ndarray = (levels >= black) & (levels <= white)
     return grey
