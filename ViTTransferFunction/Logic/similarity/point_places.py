@@ -1,8 +1,8 @@
-"""Where annotated points are looked at: where they lie, or beside it, where what is seen there is not what is meant.
+"""The places at which annotated points are looked at: their own, or one nearby that shows better what the user means.
 
-People click on rims. A voxel there may be as dark as what is around, or as bright as the structure, and a cell is wider than a
-rim: features, intensity and connectedness at such a point are those of the other side. And people click on what is small: a
-nodule's voxel may lie in a block most of which is lung.
+People click on rims. A voxel at the rim may be as dark as the surroundings or as bright as the structure, and a cell is wider
+than a rim, so that features, intensity and connectedness at such a point are those of the other side. People also click on
+small structures: a nodule's voxel may lie in a block that is mostly lung.
 """
 
 from __future__ import annotations
@@ -13,51 +13,52 @@ from .connectedness import SIGMA
 from .intensity_blocks import UNITS_PER_WINDOW, UNKNOWN, IntensityBlocks
 
 UNLIKE, ALIKE = 0.5, 0.25
-"""Intensities are quite unlike where they are farther apart than the first, and alike within the second, in windows."""
+"""Intensities are unlike if they differ by more than the first, and alike up to the second, in widths of the window."""
 NEXT = np.sqrt(3.0)
-"""How far away the blocks are that touch one."""
+"""Distance within which blocks touch a block, in blocks."""
 RIM_CELLS = 1.5
-"""A later positive point that is unlike all before it may lie at a rim, if something like one of them is no more than so many
-cells away. Chosen, as `UNLIKE`, while looking at one nodule in a lung, and what is done there while looking at three more; see
-`Benchmarks/results/candidates.md`, *Positive points at rims* and *Points whose voxel is unlike the block around it*."""
+"""A later positive point that is unlike all before it may lie at a rim if there is something like one of them within this
+distance, in cells. Chosen, like `UNLIKE`, while looking at one nodule in a lung, and the procedure while looking at three more;
+see `Benchmarks/results/candidates.md`, *Positive points at rims* and *Points whose voxel is unlike the block around it*."""
 GREY = 1.0
-"""Up to so many windows from their middle, intensities are grey: a small nodule is seen together with the lung around it."""
+"""Intensities up to this many widths from the window's middle are grey, since small nodules are averaged with lung."""
 MOSTLY = 0.5
-"""Less than this share of what is beside a block is like it, where that is no part by itself."""
+"""A block is no part of its own if less than this share of the blocks beside it is like it."""
 SEEN_CLASSES = 256
-"""Of so many classes, or states of them, it is kept where their positive points are looked at: each click asks for all again,
-and each refinement."""
+"""Number of classes, or states of them, for which places are kept, because each click and each refinement needs those of all
+classes again."""
 
 
 class PointPlaces:
-    """Where the points of classes are best looked at.
+    """Finds the places at which the points of classes are looked at.
 
     Args:
-        blocks: of the volume.
+        blocks: the volume's intensities in blocks.
     """
 
     def __init__(self, blocks: IntensityBlocks) -> None:
         self._blocks = blocks
-        # None: where they are.
+        # None: the points' own places.
         self._places_of_key: dict[bytes, np.ndarray | None] = {}
 
     def of_positives(self, positive_ras: np.ndarray) -> np.ndarray:
-        """Where a class's positive points are best looked at: there, or in the structure beside it. Any thread may ask.
+        """The places for a class's positive points: their own, or one in the structure nearby. Any thread may call this.
 
-        What is smaller than a block, or ends in it, is seen in the voxels at a point: where these are grey, and their block is
-        dark, a point is looked at at the block beside it that is most like them. A later point only where they are like what
-        is looked at before it.
+        Structures that are smaller than a block, or end in it, show in the voxels at a point. If these are grey and their block
+        is dark, the point moves to the block beside it that is most like these voxels. A later point does so only if its voxels
+        are like the place of an earlier point.
 
-        And people draw a structure's edge where a voxel may be as dark as what is around, as at that of a nodule in a lung; a
-        later point there would have all that is around looked for. So where it is quite unlike all before it, and no part of
-        the structure by itself, it is looked at at the nearest block that is like one of them; or, in what is darker than a
-        grey structure, on the way to them. Where none is near, it lies in another part of the structure.
+        A point at a structure's edge, such as that of a nodule in a lung, may lie on a voxel as dark as the surroundings; as a
+        later point, it would make the map include all of these. Therefore a later point that is unlike all before it, and no
+        part of the structure by itself, moves to the nearest block that is like one of them; if it is darker than a grey
+        structure, to the one on the shortest way to them. If there is no such block nearby, the point lies in another part of
+        the structure, and stays.
 
         Args:
-            positive_ras: (P, 3) RAS millimetres, in the order placed; outside of the volume, the nearest block counts.
+            positive_ras: (P, 3) RAS millimetres, in the order placed; outside the volume, the nearest block counts.
 
         Returns:
-            (P, 3) RAS millimetres; the same array where all points are looked at where they are.
+            (P, 3) RAS millimetres; the same array if no point moves.
         """
         known, key = self._places_of_key, positive_ras.tobytes()
         if key not in known:
@@ -69,14 +70,14 @@ class PointPlaces:
         return positive_ras if found is None else found
 
     def of_negatives(self, negative_ras: np.ndarray, positive_ras: np.ndarray) -> np.ndarray:
-        """Where a class's negative points are best looked at: there, or at the block that is typical of their cell.
+        """The places for a class's negative points: their own, or the block with the median intensity of their cell.
 
-        At a structure's rim a voxel off it may be as bright as the structure; learned as something else, it would take the
-        structure away. Where the typical block is less like the positive points than the point's own, by more than σ of
-        connectedness, it shows what is meant.
+        At a structure's rim, a voxel outside may be as bright as the structure; a negative point there would remove the
+        structure. Therefore the point moves to the typical block if that is less like the positive points than its own block
+        is, by more than σ of connectedness.
 
         Args:
-            negative_ras: (M, 3) RAS millimetres; outside of the volume, the nearest block counts.
+            negative_ras: (M, 3) RAS millimetres; outside the volume, the nearest block counts.
             positive_ras: (P, 3) RAS millimetres, P ≥ 1.
 
         Returns:
@@ -110,12 +111,12 @@ class PointPlaces:
         return np.where(moved[:, None], self._blocks.centres_ras(blocks), positive_ras) if moved.any() else positive_ras
 
     def _like_its_voxels(self, block: np.ndarray, voxels: float, before: np.ndarray) -> np.ndarray:
-        """A point's block (3,), or that beside it which is most like the point's voxels, where these are grey and it is dark.
+        """A point's block (3,) or, if it is dark and the point's voxels are grey, the block beside it most like these voxels.
 
-        `before` are the blocks (N, 3) at which the points before it are looked at.
+        `before` are the blocks (N, 3) of the earlier points' places.
         """
         own = self._blocks.units_of(block)
-        # In a bright block, such as of bone, what is grey is as likely the marrow of the same structure.
+        # Not in bright blocks, such as bone: grey voxels there are as likely the marrow of the same structure.
         grey_in_dark = UNKNOWN not in (own, voxels) and -own > abs(voxels) + UNLIKE * UNITS_PER_WINDOW
         unlike_before = np.abs(self._blocks.units_of(before) - voxels)
         if not grey_in_dark or (len(before) and unlike_before.min() > ALIKE * UNITS_PER_WINDOW):
@@ -126,10 +127,10 @@ class PointPlaces:
         return most_alike
 
     def _is_at_rim(self, block: np.ndarray, voxels: float, before: np.ndarray) -> bool:
-        """Whether a later point lies at the structure's rim: it is unlike all before it, and no part of it by itself.
+        """Whether a later point lies at the structure's rim: it is unlike all before it, and no part of its own.
 
-        What is no more alike around it than around those is none; nor is what is darker than they, where they are grey, and
-        mostly beside something else.
+        It is no part of its own if the share of similar blocks around it is not larger than around the earlier points; or if
+        the earlier ones are grey, it is darker than they are, and most blocks beside it are unlike it.
         """
         own, of_before = float(self._blocks.units_of(block)), self._blocks.units_of(before)
         seen = [own, voxels] if voxels != UNKNOWN and _is_darker(voxels, of_before) else [own]
@@ -140,12 +141,11 @@ class PointPlaces:
         return bool(alike <= max(alike_before) or (alike < MOSTLY and _is_darker(own, of_before)))
 
     def _beside_rim(self, block: np.ndarray, before: np.ndarray) -> np.ndarray:
-        """The block within `RIM_CELLS` of one (3,) that is like one of those before it, (N, 3); itself where there is none.
+        """The nearest block within `RIM_CELLS` of one (3,) that is like one of those before it (N, 3); itself if there is none.
 
-        Where it is darker than all before it, and these are grey, what is around was clicked, and it is the block on the
-        shortest way to them, if need be one of themselves: on the other side there may be something alike that is not meant.
-        Else it is the nearest. Of several as near, it is the one that is most like them, in whatever order the volume is
-        stored.
+        If it is darker than all before it and these are grey, the surroundings were clicked. Then it is the block on the
+        shortest way to the earlier ones, perhaps one of these, since similar blocks on its other side may be another structure.
+        Among equally near blocks, the most similar one is taken, independent of the order in which the volume is stored.
         """
         around = self._known_within(RIM_CELLS * self._blocks.per_cell, block)
         unlike = np.abs(self._blocks.units_of(around)[:, None] - self._blocks.units_of(before)).min(axis=1)
@@ -160,7 +160,7 @@ class PointPlaces:
         return nearest
 
     def _share_alike(self, blocks: np.ndarray) -> np.ndarray:
-        """The share of what is known beside each of some blocks (N, 3) that is like it, (N,)."""
+        """For each of some blocks (N, 3), the share of known blocks beside it that are like it, (N,)."""
         shares = []
         for block, own in zip(blocks, self._blocks.units_of(blocks), strict=True):
             units = self._blocks.units_of(self._known_within(NEXT, block))
@@ -168,14 +168,14 @@ class PointPlaces:
         return np.array(shares)
 
     def _known_within(self, radius: float, block: np.ndarray) -> np.ndarray:
-        """The blocks (N, 3) no farther than so many blocks from one of them, (3,), in which something is finite."""
+        """The blocks (N, 3) within a radius, in blocks, of one (3,) that contain finite intensities."""
         around = self._blocks.within(radius, block)
         known: np.ndarray = around[self._blocks.units_of(around) != UNKNOWN]
         return known
 
 
 def _distances(blocks: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """Of blocks (N, 3) from one, (3,), in blocks."""
+    """Distances of blocks (N, 3) from one (3,), in blocks."""
     distances: np.ndarray = np.sqrt(((blocks - block) ** 2).sum(axis=1))
     return distances
 
@@ -183,9 +183,9 @@ def _distances(blocks: np.ndarray, block: np.ndarray) -> np.ndarray:
 def _is_darker(units: float, structure: np.ndarray) -> bool:
     """Whether an intensity is darker than all of a grey structure's (N,), as lung is.
 
-    Farther below the middle of the window, that is, than they are from it on either side. What is brighter may be a part of
-    it, such as the rim of a tumour with contrast medium. Of what is not grey itself, such as a lung, or what PET shows, neither
-    says anything.
+    That is, it lies further below the window's middle than any of them is from the middle, above or below. Brighter intensities
+    may be a part of the structure, such as the rim of a tumour with contrast medium. If the structure itself is not grey, as a
+    lung or in PET, the answer is False.
     """
     least_grey = float(np.abs(structure).max())
     return least_grey <= GREY * UNITS_PER_WINDOW and -units > least_grey

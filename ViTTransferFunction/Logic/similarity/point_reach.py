@@ -1,27 +1,27 @@
-"""How far the kernels of points reach that correct what is there already.
+"""Limits the reach of points that correct an existing result, by a factor on their kernels.
 
-A later positive point was placed where those before did not find its structure: at a rim, mostly, and a rim is thin. Where it
-looks unlike them and like much else, its kernel would raise all of that as well. So of the n-th positive point p of a class, in
-the order placed, the kernel is multiplied by
+A later positive point is placed where the earlier ones did not find the structure: mostly at a rim, which is thin. If it looks
+unlike them but like much else, its kernel would raise the map there as well. Therefore the kernel of the n-th positive point p
+of a class, in the order placed, is multiplied by
 
     (1 − w) + w exp(−|x − p|² / 2ρ²),    ρ = max(R, c min {|x − p|: x ∈ F(p_m), m < n}),
     w = W (1 − max_m l(p_m, p)) (1 − min(1, A max_m |F(p_m)| / |F(p)|)),
 
-with p_m the points before it, F(p) the cells that it finds, those with k(p, x) ≥ `FOUND`, and l the kernel of features and
-intensities without positions. It reaches the less far the less it looks like those points, the more common its look is than
-theirs, and the nearer it lies to what they find. Between two points, the factor is
+where p_m are the earlier points, F(p) is the set of cells that p finds, those with k(p, x) ≥ `FOUND`, and l is the kernel of
+features and intensities without positions. The reach is shorter if the point looks less like the earlier ones, if its look is
+more common than theirs, and if it lies nearer to what they find. Between two points, the factor is
 
     √((1 − w)(1 − w′)) + √(w w′) (2ρρ′ / (ρ² + ρ′²))^(3/2) exp(−|p − p′|² / (ρ² + ρ′²)),
 
-which is positive semidefinite: the second term is how much two Gaussians have in common.
+which is positive semidefinite, since the second term is the overlap of two Gaussians.
 
-A negative point q was placed where too much was found. Where it looks like the class itself, as a voxel at its rim does, its
-kernel would take the class away along with what is too much. So it is multiplied by the same, with
+A negative point q is placed where too much was found. If it looks like the class itself, as a voxel at its rim does, its kernel
+would remove the class along with the surplus. Therefore it is multiplied by the same factor, with
 
     ρ = max(R⁻, c⁻ min {|x − q|: x ∉ F(p_1)}),    w = W l(p_1, q),
 
-p_1 the class's first positive point: it reaches the less far the more it looks like that one, and the less deep it lies in what
-that one finds. Of all other points w is 0.
+where p_1 is the class's first positive point: the reach is shorter if q looks more like p_1, and if it lies less deep in what
+p_1 finds. For all other points w is 0.
 """
 
 from __future__ import annotations
@@ -36,45 +36,45 @@ from ..core.classes.class_request import different_places
 from .place_kernel import CellKernel, Places, alike, nearness
 
 FIRST_POINTS = 6
-"""The reach of so many different positive points of a class is looked at: those after them reach without an end."""
+"""Number of a class's first positive points whose reach may be limited; later ones have an unlimited reach."""
 LARGEST_WEIGHT = 0.8
-"""W: of a positive point that is unlike all before it, and finds very many cells, and of a negative one that is just like the
-first."""
+"""W: the largest w, of a positive point that is unlike all before it and finds very many cells, or of a negative one that is
+just like the first positive point."""
 AS_COMMON = 0.5
-"""A: a point that finds no more than 1 / A times as many cells as one before it is as common, and reaches without an end."""
+"""A: a point that finds at most A times as many cells as an earlier one is not more common, so its reach is unlimited."""
 FOUND = 0.2
-"""Cells whose kernel with a point is no less are found by it."""
+"""A point finds the cells whose kernel with it is at least this."""
 WIDER = 2.0
-"""c: reach, as a multiple of the distance from what was found."""
+"""c: reach of a positive point, as a multiple of its distance from what earlier ones find."""
 SHORTEST_CELLS = 1.5
-"""R, in cells: no positive point reaches less far."""
+"""R, in cells: the shortest reach of positive points."""
 NEGATIVES_WIDER, NEGATIVES_SHORTEST_CELLS = 3.0, 2.5
 """c⁻, and R⁻ in cells."""
 
 WITHOUT_END = (1.0, 0.0)
-"""ρ and w of other points: any ρ, which does not count."""
+"""ρ and w of points with unlimited reach; with w = 0, ρ has no effect."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """How far points reach.
+    """The reach of P points.
 
     Attributes:
-        distance: ρ of each, (P,), in units of σ_x.
-        weight: w of each, (P,) in [0, 1): how much that counts.
+        distance: ρ of each point, (P,), in units of σ_x.
+        weight: w of each point, (P,) in [0, 1).
     """
 
     distance: np.ndarray
     weight: np.ndarray
 
     def factors(self, points: Places, others: Places) -> np.ndarray:
-        """What the kernel of points (P) with other places (N) is multiplied by, (P, N)."""
+        """The factors for the kernel of P points with N other places, (P, N)."""
         weight = self.weight[:, None]
         factors: np.ndarray = (1.0 - weight) + weight * nearness(points, others, self.distance)
         return factors
 
     def factors_between(self, points: Places) -> np.ndarray:
-        """What the kernel between the points is multiplied by, (P, P): 1 on the diagonal."""
+        """The factors for the kernel between the points, (P, P): 1 on the diagonal."""
         squares = self.distance**2
         sums = squares[:, None] + squares
         positions = points.positions.astype(np.float64)
@@ -89,8 +89,8 @@ class PointReach:
     """The reach of points, kept from click to click.
 
     Args:
-        with_cells: makes the kernel with all cells.
-        cell: the edge of one, in units of σ_x.
+        with_cells: computes the kernel with all cells.
+        cell: edge of a cell, in units of σ_x.
     """
 
     def __init__(self, with_cells: CellKernel, cell: float) -> None:
@@ -100,7 +100,7 @@ class PointReach:
         self._found_by_key: dict[bytes, np.ndarray] = {}
 
     def keep(self, keys: Collection[bytes]) -> None:
-        """Forget what is known of all other keys."""
+        """Drop the reach of all points but those with these keys."""
         for kept in (self._of_key, self._found_by_key):
             for gone in kept.keys() - set(keys):
                 del kept[gone]
@@ -108,14 +108,14 @@ class PointReach:
     def apply_to_positive(
         self, key: bytes, point: Places, before: Sequence[bytes], points_before: Places, row: np.ndarray
     ) -> None:
-        """Find out how far a positive point reaches, and multiply its kernel with all cells by what follows.
+        """Determine the reach of a positive point, and multiply its kernel with all cells by the factor.
 
         Args:
-            key: whatever is another one where the point or those before are others.
-            point: one.
-            before: the keys of the class's positive points placed before it, which this was called for already.
-            points_before: these.
-            row: its kernel with all cells, (cells,) float32, which is changed.
+            key: identifies the point together with those before it.
+            point: a single point.
+            before: keys of the class's earlier positive points, for which this was called before.
+            points_before: the earlier points.
+            row: the point's kernel with all cells, (cells,) float32, changed in place.
         """
         self._found_by_key[key] = np.flatnonzero(row >= FOUND)
         weight = self._weight(key, point, before, points_before) if before else 0.0
@@ -126,7 +126,7 @@ class PointReach:
     def apply_to_negative(
         self, key: bytes, point: Places, before: Sequence[bytes], points_before: Places, row: np.ndarray
     ) -> None:
-        """The same of a negative point, by the class's first positive point: the only one in `before`."""
+        """The same for a negative point; `before` holds only the class's first positive point."""
         (first,) = before
         depth = self._depth_in_found(point, first)
         if math.isfinite(depth):
@@ -136,14 +136,14 @@ class PointReach:
 
     def _multiply(self, key: bytes, point: Places, distance: float, weight: float, row: np.ndarray) -> None:
         self._of_key[key] = distance, weight
-        # In place, and in float32: there are as many cells as a click has milliseconds for.
+        # In place and in float32, because a click must be answered in milliseconds.
         factors = self._with_cells.nearness(point, distance)[0]
         factors *= weight
         factors += 1.0 - weight
         row *= factors
 
     def _weight(self, key: bytes, point: Places, before: Sequence[bytes], points_before: Places) -> float:
-        """How much the reach of a point (one) counts, w, given those before it, at least one."""
+        """The weight w of a single point, given the earlier ones, at least one."""
         most, found = max(len(self._found_by_key[each]) for each in before), len(self._found_by_key[key])
         if found <= AS_COMMON * most:
             return 0.0
@@ -151,36 +151,36 @@ class PointReach:
         return LARGEST_WEIGHT * unlike * (1.0 - AS_COMMON * most / found)
 
     def _from_found(self, point: Places, before: Sequence[bytes], points_before: Places) -> float:
-        """How far a point (one) lies from those before it, at least one, and what they find, in units of σ_x."""
+        """Distance of a single point from the earlier ones, at least one, and the cells that they find, in units of σ_x."""
         positions = self._with_cells.cells.positions
         found = [points_before.positions, *(positions[self._found_by_key[key]] for key in before)]
         return math.sqrt(float(((np.concatenate(found) - point.positions) ** 2).sum(axis=1).min()))
 
     def _depth_in_found(self, point: Places, first: bytes) -> float:
-        """How far a point (one) lies from the next cell that another one does not find, in units of σ_x; inf: it finds all."""
-        # The nearest one is where a Gaussian is highest: made of three lines, it is found much sooner than distances are.
+        """Distance of a single point from the nearest cell that `first` does not find, in units of σ_x; inf if it finds all."""
+        # The nearest cell is where a Gaussian is highest, which is much faster to compute than distances, as it is separable.
         near = self._with_cells.nearness(point, 1.0)[0]
         near[self._found_by_key[first]] = 0.0
         highest = min(1.0, float(near.max()))
         return math.sqrt(-2.0 * math.log(highest)) if highest else math.inf
 
     def of(self, keys: Sequence[bytes]) -> Reach:
-        """The reach of points by their keys: without an end for those of which nothing else is known."""
+        """The reach of points by their keys; unlimited for points whose reach was not determined."""
         distance, weight = np.array([self._of_key.get(key, WITHOUT_END) for key in keys]).reshape(-1, 2).T
         return Reach(distance, weight)
 
 
 def points_before(points_ras: np.ndarray, classes: np.ndarray, positive: np.ndarray) -> dict[int, np.ndarray]:
-    """The points whose reach is looked at, and those positive ones of their class by which each is judged.
+    """The points whose reach may be limited, each with the positive points of its class on which the reach depends.
 
     Args:
         points_ras: (P, 3) RAS millimetres, those of a class in the order placed; the same place counts once.
-        classes: (P,) the class that each point belongs to.
+        classes: (P,) the class of each point.
         positive: (P,) bool, whether it is a positive point of that class.
 
     Returns:
-        Of the index of each of a class's first positive points, and of any later one at the same place, the indices of those
-        before the first one there; of each negative one, of the first positive one.
+        By index. For each of a class's first positive points, and for later ones at the same place: the indices of the points
+        before the first one at that place. For each negative point: the index of the first positive one.
     """
     before: dict[int, np.ndarray] = {}
     for index in np.unique(classes[positive]):

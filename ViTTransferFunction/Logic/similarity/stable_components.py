@@ -1,12 +1,12 @@
-"""What lies around a class's points and has intensities like theirs, at wider and wider tolerances: how far it may reach.
+"""Components of similar intensities around a class's points, at growing tolerances: how far the structure may extend.
 
-A point's component at a tolerance t are the cells that are joined to it by intensities no further than t from its own. Where it
-hardly grows while t does, it has come to walls all around: a lung, a bladder full of contrast medium, a kidney in its fat. So
-one point alone may tell how large its structure is, of which the similarity to it says little (maximally stable extremal
-regions: Matas et al., 2002). Where components only grow, as in a brain, they tell nothing.
+A point's component at a tolerance t consists of the cells that are connected to it by intensities within t of its own. If it
+hardly grows with t, it has reached walls on all sides, as in a lung, a bladder full of contrast medium, or a kidney in its fat.
+A single point can thus tell the extent of its structure, about which similarity to the point says little (maximally stable
+extremal regions: Matas et al., 2002). If components keep growing, as in a brain, they tell nothing.
 
-A cell that a smaller tolerance joins to another class's points, or to a negative one, belongs to no component of the class: so
-two lungs end where they meet, although the airways join them (relative fuzzy connectedness: Saha and Udupa, 2001).
+A cell that is connected to another class's points or to a negative point at a smaller tolerance belongs to no component of the
+class: so two lungs end where they meet, although the airways connect them (relative fuzzy connectedness: Saha and Udupa, 2001).
 """
 
 from __future__ import annotations
@@ -23,30 +23,31 @@ from ..core.volumes.geometry import Geometry
 from .connectedness import FloodedBlocks
 
 TOLERANCES = 0.02 * 2.0 ** np.arange(6)
-"""In widths of the display window."""
+"""Tolerances, in widths of the display window."""
 FEW_CELLS = 30
-"""A component of so many cells tells half as much as a large one: a single noisy cell is joined to nothing for long."""
+"""A component of this many cells counts half as much as a large one: a single noisy cell stays alone at many tolerances."""
 LARGEST_SHARE = 0.5
-"""What holds more of the volume, or of the body, is no structure in it."""
+"""A component with a larger share of the volume, or of the body, is no structure in it."""
 CLOSED = 0.9
-"""The stability of what is walled in."""
+"""Least stability of a closed component, which has walls on all sides."""
 LARGEST_CUT = 0.005
-"""What has more of its cells at the faces of the volume goes on outside, such as a body: nobody knows how far."""
+"""A component with a larger share of its cells at the volume's faces continues outside, so that its extent is unknown."""
 _FLOODED = np.append(TOLERANCES, 2.0 * TOLERANCES[-1])
-"""To see whether the last one is stable, the next is needed."""
+"""All tolerances that are flooded: one more than `TOLERANCES`, to see whether the last one is stable."""
 _NEVER = np.uint8(len(_FLOODED))
 
 
 class StableComponents:
     """Components around the annotated points; kept from click to click.
 
-    They are given by how many of `TOLERANCES` are too small to join each cell, uint8: `len(TOLERANCES)` where all are.
+    They are stored as steps: for each cell, the number of `TOLERANCES` that are too small to connect it, uint8; if all are too
+    small, `len(TOLERANCES)`.
 
     Args:
         units: intensities of all cells (K, J, I), int16 (`IntensityBlocks.cell_units`).
-        cells: their geometry.
-        some: indices of the cells that `of_class` is asked about, (N,).
-        count_body: says how many cells hold more than the background around the body; asked once, and only if it matters.
+        cells: geometry of the cells.
+        some: indices of the cells for which `of_class` returns steps, (N,).
+        count_body: returns the number of cells that are not background around the body; called at most once, if needed.
     """
 
     def __init__(self, units: np.ndarray, cells: Geometry, some: np.ndarray, count_body: Callable[[], int]) -> None:
@@ -58,17 +59,17 @@ class StableComponents:
         self._looking = Lock()
 
     def update(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> None:
-        """Find out about points that are new, some milliseconds each, and forget those that are gone. Any thread may.
+        """Compute components of new points, some milliseconds each, and drop those of removed points. Any thread may call this.
 
         Args:
             requests: all classes.
-            between: called before each new point; may raise `Cancelled`, and what was found out until then is kept.
+            between: called before each new point; may raise `Cancelled`, and components computed by then are kept.
         """
         with self._looking:
             self._learn(requests, between)
 
     def of_class(self, requests: Sequence[ClassRequest], index: int) -> np.ndarray:
-        """The components of the index-th class at some cells, (N,) uint8. Any thread may ask."""
+        """Steps of the index-th class at `some` cells, (N,) uint8. Any thread may call this."""
         with self._looking:
             own, rivals = self._around(requests, index)
             steps, of_rivals = own.at_some, [rival.at_some for rival in rivals]
@@ -77,11 +78,11 @@ class StableComponents:
         return steps
 
     def closed(self, requests: Sequence[ClassRequest], index: int) -> np.ndarray | None:
-        """Where points of the index-th class are walled in: their most stable components, (cells,) bool; None where none is.
+        """The closed components of the index-th class, (cells,) bool; None if there are none. Any thread may call this.
 
-        A component has to end within the volume, and to be stable by itself, before other classes take their part: what they
-        cut keeps its size also where it has leaked into all that surrounds it. And that of one point: three of a stomach that
-        leak, each at another tolerance, have a component together that is large early and then stays. Any thread may ask.
+        A component must end within the volume and be stable before other classes' cells are removed from it, because those
+        limit its size even where it has leaked into its surroundings. It must also be that of a single point: of three points
+        in a stomach that leak, each at another tolerance, the common component is large early and then seems stable.
         """
         with self._looking:
             own, rivals = self._around(requests, index)
@@ -94,7 +95,7 @@ class StableComponents:
         return closed
 
     def _around(self, requests: Sequence[ClassRequest], index: int) -> tuple[_AroundGroup, list[_AroundGroup]]:
-        """Around a class's positive points, and around each group that speaks against it: its negative ones, other classes'."""
+        """The components around a class's positive points, and around each group of points that speaks against it."""
         self._learn(requests)
         others = [request.positive for number, request in enumerate(requests) if number != index]
         rivals = [points for points in (requests[index].negative, *others) if len(points)]
@@ -117,11 +118,11 @@ class StableComponents:
         }
 
     def _closed(self, steps: np.ndarray) -> np.ndarray | None:
-        """Steps at all cells as far as the most stable component reaches, if that is closed; None if none is."""
+        """Steps at all cells, `_NEVER` outside the most stable component; None if that is not closed."""
         sizes, at_faces = component_sizes(steps, len(_FLOODED)), component_sizes(steps[self._faces], len(_FLOODED))
         stable = np.where(at_faces <= LARGEST_CUT * sizes, stability(sizes, len(steps)), 0.0)[: len(TOLERANCES)]
         if stable.max() >= CLOSED:
-            # A body stands in its air as a structure within walls does.
+            # A body surrounded by air is stable as well, but no structure.
             stable[sizes[: len(TOLERANCES)] > LARGEST_SHARE * self._body()] = 0.0
         reach = stable.argmax()
         return np.where(steps <= reach, steps, _NEVER) if stable[reach] >= CLOSED else None
@@ -131,9 +132,9 @@ class _AroundPoint:
     """The components of one point.
 
     Attributes:
-        steps: at all cells, of all that is flooded, uint8.
-        at_some: at some, of `TOLERANCES`.
-        closed: from `StableComponents._closed`.
+        steps: steps at all cells, counted in `_FLOODED`, uint8.
+        at_some: steps at `some` cells, counted in `TOLERANCES`.
+        closed: result of `StableComponents._closed`.
     """
 
     def __init__(self, steps: np.ndarray, some: np.ndarray, closed: np.ndarray | None) -> None:
@@ -142,7 +143,7 @@ class _AroundPoint:
 
 
 class _AroundGroup:
-    """The components of points, each as far as that of any; attributes as of `_AroundPoint`."""
+    """The union of the components of several points; attributes as of `_AroundPoint`."""
 
     def __init__(self, points: Sequence[_AroundPoint]) -> None:
         self._points = points
@@ -162,24 +163,24 @@ class _AroundGroup:
 
 
 def _at_faces(shape: tuple[int, ...]) -> np.ndarray:
-    """The cells of a volume's outermost layer: their indices."""
+    """Indices of the cells in a volume's outermost layer."""
     inner = np.zeros(shape, dtype=bool)
     inner[1:-1, 1:-1, 1:-1] = True
     return np.flatnonzero(~inner)
 
 
 def component_sizes(steps: np.ndarray, tolerances: int = len(TOLERANCES)) -> np.ndarray:
-    """How many cells components have, (tolerances,), by their steps at these cells, uint8."""
-    # Bytes are compared so fast that to count them all in one go takes twice as long.
+    """Number of cells of the component at each tolerance, (tolerances,), from steps at these cells, uint8."""
+    # Comparing bytes is so fast that NumPy's `bincount` would take twice as long.
     return np.array([np.count_nonzero(steps <= step) for step in range(tolerances)])
 
 
 def stability(sizes: np.ndarray, whole: int) -> np.ndarray:
-    """How little components change from each tolerance to those beside it, (T,) in [0, 1]: next to 1 where they stay.
+    """How little components change between a tolerance and its neighbours, (T,) in [0, 1]: near 1 if they keep their size.
 
     Args:
-        sizes: (T,) how many cells they have, by tolerance; the first and the last are mainly there to be compared with.
-        whole: how many cells there are.
+        sizes: (T,) number of their cells at each tolerance.
+        whole: number of all cells.
     """
     grown = np.concatenate([[-1.0], sizes, [float(whole)]]) + 1.0
     kept = np.sqrt(grown[:-1] / grown[1:])

@@ -1,4 +1,4 @@
-"""Structures that are small or thin in the whole volume, looked at by themselves where the user, or an outline, asks for it."""
+"""Close-ups of structures that are small or thin in the whole volume: sets, moves and clears their boxes."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ from .annotations import SceneAnnotations
 from .asked_maps import AskedMaps
 
 _SAME_MM = 1e-3
-"""Points that a transform has moved are rounded by less."""
+"""Tolerance for points that a transform has moved; rounding is less."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """Where the points of a class are: (N, 3) RAS millimetres, and (4, 4) the transforms that their list is under."""
+    """Positions of a class's points, (N, 3) RAS millimetres, and the transform (4, 4) that their list is under."""
 
     points: np.ndarray
     to_world: np.ndarray
 
 
 class SceneCloseUps:
-    """Gives classes the boxes in which they are looked at, and takes them away again: each time one step for undo.
+    """Sets and clears the boxes of classes' close-ups; each change is a step of its own for undo.
 
     Args:
-        parameters: say which volume.
-        annotations: hold the classes, and so the boxes.
-        volume: is being looked at.
-        maps: that were asked for last.
-        proxy: has the maps that boxes are chosen by, and gets what the boxes show.
-        problems: are told why a class cannot be looked at by itself.
-        notices: front ends hear of that.
+        parameters: give the chosen volume.
+        annotations: hold the classes, and with them the boxes.
+        volume: the open volume.
+        maps: has the last requests.
+        proxy: has the maps from which boxes are chosen, and requests the close-ups.
+        problems: gets the reason why there cannot be a close-up of a class.
+        notices: informs front ends of changes.
     """
 
     def __init__(
@@ -64,15 +64,15 @@ class SceneCloseUps:
         self._problems = problems
         self._notices = notices
         self._shown: dict[str, CloseUpBox | None] = {}
-        self._places: dict[tuple[str, str], _Place] = {}  # By the IDs of volume and class: what is chosen may change.
+        self._places: dict[tuple[str, str], _Place] = {}  # By IDs of volume and class, because another volume may be chosen.
 
     def look_closer(self, id_: str) -> None:
-        """Have a class looked at in a box around it as it is shown now, or tell the user why it cannot be.
+        """Set a class's box around the structure as it is shown now, or tell the user why this is not possible.
 
-        What is small or thin shows better there. The box's own features take a few seconds, in which the map of the whole
-        volume stays. Once more, and the box fits what the structure looks like by then.
+        The box's features take a few seconds, during which the map of the whole volume is shown. Called again, the method fits
+        the box to the structure as it is shown by then.
         """
-        self._problems.solve("close-up")  # The same one again is told again.
+        self._problems.solve("close-up")  # So that the user is told of the same problem again.
         content, class_map, request = self._volume.content, self._proxy.maps.get(id_), self._maps.requests.of(id_)
         name = next(state.name for state in self._annotations.classes if state.id == id_)
         if content is None or class_map is None or request is None:
@@ -85,27 +85,27 @@ class SceneCloseUps:
         self._notices.tell()
 
     def look_at(self, id_: str, close_up: CloseUp) -> None:
-        """Have a class looked at in a box, in the frame of the volume that is opened.
+        """Set a class's box, given in the local frame of the open volume.
 
         Raises:
-            InputError: the volume is under transforms that no matrix says.
+            InputError: the volume is under a transform that is not linear, or that makes it flat (`matrix_to_world`).
         """
         self._problems.solve("close-up")
-        # Where the box is the same as one that could not be looked at, nothing else would tell that it is wanted.
+        # If a close-up of the same box failed before, the requests do not change, and nothing else would repeat it.
         self._proxy.try_close_ups_again()
         to_world = matrix_to_world(self._parameters.volume)
         centre = transform_points(to_world, np.array(close_up.centre_ras))[0].tolist()
         self._annotations.set_close_up(id_, (*centre, *close_up.size_mm))
 
     def look_at_whole(self, id_: str) -> None:
-        """Have a class looked at in the whole volume again."""
+        """Clear a class's box, so that the whole volume is used again."""
         self._problems.solve("close-up")
         self._annotations.set_close_up(id_, None)
 
     def size_mm(self, state: ClassState) -> EdgesMm | None:
-        """Of the box that a class is looked at in, with what points beyond have added to it; None: it is in the whole volume.
+        """Edges of a class's box, as enlarged by points outside it; None: the class has no box.
 
-        Where the class has no point in the volume, or there is none, of the box as it was set.
+        Without a volume, or a point of the class in it, these are the edges of the box as it was set.
         """
         content, request = self._volume.content, self._maps.requests.of(state.id)
         if content is None or request is None or request.close_up is None:
@@ -113,17 +113,17 @@ class SceneCloseUps:
         return request.close_up.enlarged(content.geometry, request.positive).size_mm
 
     def failed(self, state: ClassState) -> bool:
-        """Whether a class is shown as in the whole volume, because its box could not be looked at."""
+        """Whether a class is shown from the whole volume because its close-up failed."""
         return state.close_up is not None and state.id in self._proxy.failed_close_ups
 
     def text(self, state: ClassState) -> str:
-        """In what a class is looked at, in words; "": in the whole volume, as nobody asked for something else."""
+        """A text about a class's box; "" if it has none."""
         return close_up_text(self.size_mm(state), self.failed(state))
 
     def go_along(self) -> None:
-        """Move boxes whose points a transform has moved since the last call about this volume, with the volume say.
+        """Move the boxes of classes whose points a transform, such as the volume's, has moved since the last call.
 
-        Not at once: a transform that is hardened moves points twice, there and back, and no box.
+        This is not done at each change, because hardening a transform moves points twice, there and back.
         """
         moved: dict[str, CloseUpBox] = {}
         volume_id = self._parameters.volume.GetID() if self._parameters.volume else ""
@@ -141,12 +141,12 @@ class SceneCloseUps:
             self._annotations.move_close_ups(moved)
 
     def forget(self) -> None:
-        """The scene is another one, in which nothing was moved."""
+        """Forget all positions, because there is another scene."""
         self._places.clear()
         self._shown.clear()
 
     def _place(self, state: ClassState) -> _Place | None:
-        """None where no matrix says the transforms."""
+        """Positions of a class's points; None if their list is under a transform that `matrix_to_world` refuses."""
         try:
             to_world = matrix_to_world(self._annotations.points_node(state.id, positive=True))
         except InputError:
@@ -154,24 +154,24 @@ class SceneCloseUps:
         return _Place(np.array(state.positive).reshape(-1, 3), to_world)
 
     def remember_shown(self) -> None:
-        """Remember which box each class is shown in, of those whose maps are there as they were asked for."""
+        """Remember the box in which each class is shown, except those whose close-ups are awaited."""
         awaited = self._proxy.awaiting_close_ups
         self._shown |= {state.id: state.close_up for state in self._annotations.classes if state.id not in awaited}
 
     def take_back(self) -> None:
-        """Stop looking closer at the classes whose boxes are not there yet: they are in what they are shown in.
+        """Cancel the close-ups that are awaited: set each class's box back to the one in which it is shown, or clear it.
 
-        Left as it is, a class would be said to be looked at in a box, and be shown as in another or in the whole.
+        Otherwise a class would have a box, but be shown in another one or from the whole volume.
         """
         for state in self._annotations.classes:
             if state.close_up is not None and state.id in self._proxy.awaiting_close_ups:
                 shown = self._shown.get(state.id)
-                # Where a point enlarged the box that it is shown in, there is none to go back to.
+                # If a point has enlarged the shown box, there is no other one to go back to.
                 self._annotations.set_close_up(state.id, shown if shown != state.close_up else None)
 
 
 def _change(before: _Place | None, now: _Place) -> np.ndarray | None:
-    """(4, 4): how a transform has moved a class's points; None where it has not."""
+    """The matrix (4, 4) by which a transform has moved a class's points; None if it has not."""
     if before is None or (before.to_world == now.to_world).all() or before.points.shape != now.points.shape:
         return None
     change = now.to_world @ np.linalg.inv(before.to_world)
