@@ -1,6 +1,6 @@
-"""What the Data module lists, and where: point lists in a folder, segments beside their volume; nothing that is only shown.
+"""Where the Data module lists nodes: point lists in a folder, segments beside their volume, derived nodes nowhere.
 
-Only Slicer's application keeps the tree, its subject hierarchy, up to date; elsewhere it lists next to nothing.
+The tree is Slicer's subject hierarchy. Only Slicer's application keeps it up to date; elsewhere it lists next to nothing.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ _ATTRIBUTE = "ViTTransferFunction"
 
 
 def put_into_folder(scene: slicer.vtkMRMLScene, node: slicer.vtkMRMLNode) -> None:
-    """Move a node into the folder, which is made where there is none; users may rename the folder and move things out of it.
+    """Move a node into the folder, which is created if it is missing; users may rename it and move nodes out of it.
 
-    Where the tree does not list the node, nothing is done.
+    Does nothing if the tree does not list the node.
     """
     hierarchy, item = _hierarchy(scene), _item(scene, node)
     if item is not None:
@@ -25,9 +25,9 @@ def put_into_folder(scene: slicer.vtkMRMLScene, node: slicer.vtkMRMLNode) -> Non
 
 
 def put_beside(scene: slicer.vtkMRMLScene, node: slicer.vtkMRMLNode, other: slicer.vtkMRMLNode) -> None:
-    """Move a node to where another one is: into the study of its patient, say, in which alone Slicer exports to DICOM.
+    """Move a node beside another one, for example into its patient's study, which Slicer needs for an export to DICOM.
 
-    Where the tree does not list them both, nothing is done.
+    Does nothing if the tree does not list both.
     """
     hierarchy, item, item_of_other = _hierarchy(scene), _item(scene, node), _item(scene, other)
     if item is not None and item_of_other is not None:
@@ -35,17 +35,16 @@ def put_beside(scene: slicer.vtkMRMLScene, node: slicer.vtkMRMLNode, other: slic
 
 
 def take_out(scene: slicer.vtkMRMLScene, node: slicer.vtkMRMLNode) -> bool:
-    """List a node of the scene no longer; returns whether it was listed.
+    """Remove a node from the tree; returns whether it was listed.
 
-    The scene is saved with all that is listed. What a node that is not saved leaves there is an entry that does nothing, one
-    more each time.
+    The tree is saved with the scene. A listed node that is not saved leaves a dead entry, one more each time.
     """
     item = _item(scene, node)
     return item is not None and bool(_hierarchy(scene).RemoveItem(item, False, False))
 
 
 def put_back(scene: slicer.vtkMRMLScene, node: slicer.vtkMRMLNode) -> None:
-    """List a node that was taken out."""
+    """List a node again that was taken out."""
     _hierarchy(scene).RequestOwnerPluginSearch(node)
 
 
@@ -54,7 +53,7 @@ def _hierarchy(scene: slicer.vtkMRMLScene) -> Any:
 
 
 def _item(scene: slicer.vtkMRMLScene, node: slicer.vtkMRMLNode) -> int | None:
-    """What stands for a node in the tree."""
+    """The item of a node in the tree; None if it is not listed."""
     hierarchy = _hierarchy(scene)
     item = hierarchy.GetItemByDataNode(node)
     return int(item) if item != hierarchy.GetInvalidItemID() else None

@@ -1,6 +1,6 @@
-"""Nodes that show what can be computed again: in the scene, but neither saved with it nor listed.
+"""Nodes that display results which can be computed again: in the scene, but neither saved with it nor listed.
 
-What is listed counts as unsaved: Slicer would warn of it whenever a scene is closed, and offer nothing to be saved.
+Slicer counts listed nodes as unsaved: it would warn of them whenever a scene is closed, and then offer nothing to save.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 class DerivedNodes:
-    """The nodes of one thing shown. Others may delete any of them at any time, also by closing the scene.
+    """The nodes by which one thing is displayed. Users may delete any of them at any time, also by closing the scene.
 
     Args:
-        scene: where they are.
+        scene: the scene that they are in.
     """
 
     def __init__(self, scene: slicer.vtkMRMLScene) -> None:
@@ -28,29 +28,29 @@ class DerivedNodes:
         self._kept: dict[str, _Kept] = {}
 
     def find(self, name: str) -> Any:
-        """The node that was added under this name; None if it is not in the scene, or not any more."""
+        """The node that was added under this name; None if there is none in the scene."""
         kept = self._kept.get(name)
         return kept.node if kept is not None and self._scene.IsNodePresent(kept.node) else None
 
     def add(self, class_name: str, name: str) -> Any:
-        """A new node in the scene, which users see under this name.
+        """Add a new node to the scene, with a name for users.
 
-        No node ever gets its identifier again: a scene view may still refer to it when it is gone.
+        Its ID is never used again, because a scene view may still refer to it after it was removed.
         """
         id_ = f"{class_name}ViTTransferFunction{uuid4().hex}"
         return self.keep(self._scene.AddNewNodeByClassWithID(class_name, name, id_), name)
 
     def keep(self, node: Any, name: str) -> Any:
-        """Count a node that is in the scene among these; returns it."""
+        """Make a node of the scene one of these derived nodes; returns it."""
         was_hidden = node.GetHideFromEditors()
         node.SetSaveWithScene(False)
         _hide(node)
-        # It is listed already: a node that gets a name of its own is added before anything can be set.
+        # It may be listed already, because a node with a name of its own is added before anything can be set.
         self._kept[name] = _Kept(node, bool(was_hidden), take_out(self._scene, node))
         return node
 
     def release(self) -> list[Any]:
-        """Leave those that are there to the scene, which saves and lists them from now on; they are nobody's derived nodes."""
+        """Make the existing nodes ordinary nodes of the scene, which are saved and listed; returns them."""
         there = [self._kept[name] for name in self._kept if self.find(name) is not None]
         for kept in there:
             kept.node.SetSaveWithScene(True)
@@ -61,10 +61,10 @@ class DerivedNodes:
         return [kept.node for kept in there]
 
     def remove(self) -> None:
-        """Take them out of the scene, and what displays them."""
-        # The latest first: what uses another node, colours say, was made after it.
+        """Remove the nodes and their display nodes from the scene."""
+        # The latest first: a node that uses another one, such as a table of colours, was made after it.
         nodes = [node for name in reversed(self._kept) if (node := self.find(name)) is not None]
-        # Before any goes: who is told by the scene that it does may ask for this again.
+        # Before any is removed: an observer of the removal may call this method again.
         self._kept.clear()
         displays = [display for node in nodes if node.IsA("vtkMRMLDisplayableNode") for display in displays_of(node)]
         for node in (*displays, *nodes):
@@ -74,7 +74,7 @@ class DerivedNodes:
 
 @dataclass(frozen=True, eq=False)
 class _Kept:
-    """A node, whether editors were not shown it by themselves, and whether the Data module listed it."""
+    """A node, whether it was hidden from editors before, and whether the Data module listed it."""
 
     node: Any
     was_hidden: bool
@@ -82,10 +82,10 @@ class _Kept:
 
 
 def _hide(node: Any) -> None:
-    """Have it in no list of nodes.
+    """Remove a node from all lists of nodes.
 
-    Slicer's, such as those of scans above a slice view, look at a node when it is added, and again only when it gets another
-    name. Where the chosen one is removed, they choose what is beside it: views would show this by themselves.
+    Slicer's lists, such as that of scans above a slice view, check whether a node is hidden when it is added, and again only
+    when its name changes. When the chosen node is removed, they choose the next one, and the views would show that.
     """
     node.SetHideFromEditors(True)
     name = node.GetName()

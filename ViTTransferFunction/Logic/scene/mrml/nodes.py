@@ -1,4 +1,4 @@
-"""Nodes of the scene by their class."""
+"""Nodes of the scene: their names, classes and display nodes."""
 
 from __future__ import annotations
 
@@ -13,33 +13,34 @@ if TYPE_CHECKING:
 
 
 _IN_NO_NAME = {"&": "＆", "<": "＜", ">": "＞", "\\": "＼"}
-"""Characters that names of nodes may not have, and the wide ones that look like them."""
+"""Characters that are not allowed in names of nodes, and the full-width ones that replace them."""
 _FOR_SCENE = str.maketrans(_IN_NO_NAME)
 _FOR_USERS = str.maketrans({wide: character for character, wide in _IN_NO_NAME.items()})
 _NO_DEVICE = "＿"
-"""Before a name that Windows has for a device: a wide _."""
+"""A full-width _ before names that are names of devices on Windows."""
 
 
 def name_for_scene(name: str) -> str:
-    """As a node may be called, whose file Slicer names after it.
+    """A name that a node can have, given that Slicer names its file after it.
 
-    It writes an & in that name as it is, and cannot read the scene again; the others it leaves to Windows, which takes no such
-    file, so that the scene is not saved (`vtkMRMLScene::PercentEncode`). What is written to CON or NUL is nowhere.
+    Slicer does not escape an & in the file's name, and cannot read the scene again. It leaves the other characters to Windows,
+    which does not accept such a file, so that the scene is not saved (`vtkMRMLScene::PercentEncode`). Files named CON or NUL
+    would vanish.
     """
     return f"{_NO_DEVICE if is_device(name) else ''}{name.translate(_FOR_SCENE)}"
 
 
 def name_of(node: Any) -> str:
-    """What was given a node by `name_for_scene`."""
+    """A node's name as users know it, from which `name_for_scene` made the node's."""
     name: str = (node.GetName() or "").translate(_FOR_USERS)
     without = name.removeprefix(_NO_DEVICE)
     return without if is_device(without) else name
 
 
 def node_of_class(node: Any, class_name: str) -> Any:
-    """A node that is of a class or a subclass of it; None in place of any other.
+    """The node if it is of a class or one of its subclasses, else None.
 
-    What a scene refers to may be anything: it may have been written by hand, or merged with another one.
+    References in a scene may lead to any node, as the scene may have been edited by hand or merged with another one.
     """
     return node if node is not None and node.IsA(class_name) else None
 
@@ -51,7 +52,7 @@ def nodes_of_class(scene: slicer.vtkMRMLScene, class_name: str) -> list[Any]:
 
 @contextmanager
 def one_modification(node: Any) -> Iterator[None]:
-    """Have a node tell of what is changed about it meanwhile once, in the end: in between, half of it is as it was."""
+    """Make a node report several changes once, at the end, so that nobody sees a half-changed node."""
     was_modifying = node.StartModify()
     try:
         yield
@@ -60,6 +61,6 @@ def one_modification(node: Any) -> Iterator[None]:
 
 
 def displays_of(node: slicer.vtkMRMLDisplayableNode) -> list[Any]:
-    """All nodes that say how a node is displayed."""
+    """All display nodes of a node."""
     displays = (node.GetNthDisplayNode(index) for index in range(node.GetNumberOfDisplayNodes()))
     return [display for display in displays if display is not None]

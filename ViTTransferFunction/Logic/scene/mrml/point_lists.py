@@ -1,4 +1,4 @@
-"""Lists of points, as Slicer's Markups keep them: where points were placed, and what else users may say of each."""
+"""Slicer's lists of points: their positions, and the properties of each point that users can set."""
 
 from __future__ import annotations
 
@@ -10,51 +10,51 @@ import slicer
 import vtk
 
 Point = tuple[float, float, float]
-"""R, A and S in millimetres."""
+"""Coordinates R, A and S in millimetres."""
 
 PropertiesByPoint = Mapping[Point, tuple[Any, ...]]
-"""For each point, what `_PROPERTIES` names."""
+"""For each point, the values of `_PROPERTIES`."""
 
 _PROPERTIES = ("Label", "Description", "Locked", "Selected", "Visibility")
-"""What Slicer's table of points shows of each, beside its place."""
+"""Properties of a point, beside its position, in Slicer's table of points."""
 
 
 def defined_points(node: slicer.vtkMRMLMarkupsNode) -> tuple[Point, ...]:
-    """World positions of the control points that were placed, RAS millimetres; not of one that still hangs on the mouse."""
+    """World positions of the points that have been placed, RAS millimetres; not of one that hangs on the mouse."""
     return tuple(_position(node, index) for index in _defined(node))
 
 
 def points_and_properties(node: slicer.vtkMRMLMarkupsNode) -> tuple[tuple[Point, ...], PropertiesByPoint]:
-    """`defined_points`, and what users may say of them, by their place; of several in one place the last."""
+    """`defined_points`, and their properties by position; of several points at one position, those of the last."""
     read = [getattr(node, f"GetNthControlPoint{name}") for name in _PROPERTIES]
     placed = [(_position(node, index), tuple(get(index) for get in read)) for index in _defined(node)]
     return tuple(point for point, _ in placed), dict(placed)
 
 
 def index_of_new_point(node: slicer.vtkMRMLMarkupsNode, known: Collection[Point]) -> int | None:
-    """Which control point was placed, and is none of the known ones: the last such one; None where there is none.
+    """Index of the last placed point that is not a known one; None if there is none.
 
-    Most often it is the list's last; but where users unset points, Slicer has these placed anew first.
+    It is usually the last point of the list, but if users have unset points, Slicer places these again first.
     """
     placed = (index for index in reversed(range(node.GetNumberOfControlPoints())) if _is_defined(node, index))
     return next((index for index in placed if _position(node, index) not in known), None)
 
 
 def set_points(node: slicer.vtkMRMLMarkupsNode, points: tuple[Point, ...], properties: PropertiesByPoint) -> None:
-    """Bring the placed points to these.
+    """Replace the placed points of a list by these; points that are in both stay.
 
     Args:
-        node: those of its points that stay, or move, keep their properties.
+        node: the list; points that stay or move keep their properties.
         points: world positions, RAS millimetres.
-        properties: of points that are not there yet; one that has none gets a label from Slicer, at the list's end.
+        properties: properties of new points; a point without any gets a label from Slicer if it is added at the end.
     """
-    # Slicer draws all points anew for each that comes or goes, but once where they do so together.
+    # As one modification, because Slicer would otherwise redraw all points for each that is added or removed.
     was_modifying = node.StartModify()
     was_fixed = node.GetFixedNumberOfControlPoints()
-    node.SetFixedNumberOfControlPoints(False)  # The lock of Slicer's table of points, against clicks by mistake.
+    node.SetFixedNumberOfControlPoints(False)  # Opens the lock of Slicer's table of points, which prevents accidental clicks.
     _remove_unplaced(node)
     steps = SequenceMatcher(None, defined_points(node), points, autojunk=False).get_opcodes()
-    # The last ones first, so that indices stay.
+    # From the end, so that earlier indices stay valid.
     for step, start, stop, first, last in reversed(steps):
         if step != "equal":
             moved = min(stop - start, last - first)
@@ -83,7 +83,7 @@ def _position(node: slicer.vtkMRMLMarkupsNode, index: int) -> Point:
 
 
 def _place(node: slicer.vtkMRMLMarkupsNode, index: int, point: Point, properties: tuple[Any, ...]) -> None:
-    """Put a point before the one of this index, or after the last one."""
+    """Insert a point before the one with this index, or add it at the end."""
     if index < node.GetNumberOfControlPoints():
         node.InsertControlPointWorld(index, vtk.vtkVector3d(*point))
     else:
@@ -93,7 +93,7 @@ def _place(node: slicer.vtkMRMLMarkupsNode, index: int, point: Point, properties
 
 
 def _remove_unplaced(node: slicer.vtkMRMLMarkupsNode) -> None:
-    """One still hangs on the mouse, say."""
+    """Remove points without a position, such as one that hangs on the mouse."""
     for index in reversed(range(node.GetNumberOfControlPoints())):
         if not _is_defined(node, index):
             node.RemoveNthControlPoint(index)

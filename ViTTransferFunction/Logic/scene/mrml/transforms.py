@@ -1,6 +1,6 @@
-"""Where nodes of the scene lie, by the transforms that they are under; and matrices of VTK as arrays.
+"""Parent transforms of nodes as matrices, and conversion of VTK's matrices.
 
-Only linear transforms can be undone exactly, so others are refused.
+Only linear transforms can be inverted exactly, so others are refused.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from ...core.volumes.geometry import transform_points
 
 
 def world_to_local(node: Any, points_ras: np.ndarray) -> np.ndarray:
-    """Points of the scene (N, 3) in RAS millimetres, in the local frame of `node`, (N, 3) RAS millimetres.
+    """Convert points (N, 3), RAS millimetres, from the scene's frame to the local frame of `node`.
 
     Raises:
-        InputError: the node is under a transform that is not linear, or leaves no volume.
+        InputError: as `matrix_to_world`.
     """
     return transform_points(np.linalg.inv(matrix_to_world(node)), points_ras)
 
@@ -27,10 +27,10 @@ def matrix_to_world(node: Any) -> np.ndarray:
     """All parent transforms of `node` in one (4, 4) float64 matrix, from its local frame to the scene's.
 
     Raises:
-        InputError: one of them is not linear, or leaves no volume.
+        InputError: one of them is not linear, or makes the node flat.
     """
     matrix, parent = vtkMatrix4x4(), node.GetParentTransformNode()
-    # Asked first: VTK prints an error where the matrix is asked for and there is none.
+    # Checked first, because VTK prints an error if it is asked for a matrix that does not exist.
     if parent is not None and not parent.IsTransformToWorldLinear():
         raise InputError(
             f"'{node.GetName()}' is under a non-linear transform ('{parent.GetName()}' or one above it), such as Slicer gives "
