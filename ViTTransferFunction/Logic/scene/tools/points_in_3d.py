@@ -1,9 +1,9 @@
-"""In 3D views, dragging turns the view, also where it begins on a point of a class, and while points are placed: by clicks.
+"""Makes dragging in 3D views always turn the view, even on a point of a class; points are placed by clicks only.
 
-Slicer's own widgets have points dragged in every view. A class's points lie within what volume rendering shows of it, which
-hides them from users, but not from these widgets; and a point that is dragged in 3D jumps to the nearest visible surface.
-While points are placed, these widgets keep the left button to themselves, and place a point wherever it is released: a view
-that somebody wants to turn stays as it is, and has a point more.
+Slicer's own widgets let users drag points in every view. In volume rendering, a class's points lie inside its structure, which
+hides them from users but not from these widgets; and a point that is dragged in 3D jumps to the nearest visible surface. While
+points are placed, these widgets take the left button, and place a point wherever it is released: a user who wants to turn the
+view gets another point instead.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from ..mrml.nodes import displays_of
 from .view_mouse import ViewMouse
 
 MARKUPS_MANAGER = "vtkMRMLMarkupsDisplayableManager"
-"""What shows points in a view of Slicer's, and moves them."""
+"""Class of the displayable managers that show and move points in Slicer's views."""
 CLICK_PIXELS = 4.0
-"""A hand that clicks moves the mouse by less than this."""
+"""During a click, the mouse moves by less than this."""
 _PICK_TOLERANCE = 0.005
-"""Of Slicer's own picker, as a share of the view's size."""
+"""Tolerance of Slicer's own picker, as a share of the view's size."""
 _PRESSES = (vtk.vtkCommand.LeftButtonPressEvent, vtk.vtkCommand.MiddleButtonPressEvent)
-"""The first one takes hold of a point, the second one of all points of a list."""
+"""The first one grabs a point, the second one all points of a list."""
 
 
 class PointsIn3D:
-    """Has 3D views turned by what else drags the points of classes, or places some.
+    """Keeps the points of classes in place when 3D views are dragged, and places points by clicks.
 
     Args:
         app_logic: the application's logic, which knows what is being placed.
-        managers: of points, of all 3D views that there are now.
-        on_nothing_hit: called where a click was to place a point, and the view shows nothing there. None is placed then.
+        managers: returns the displayable managers of points of all present 3D views.
+        on_nothing_hit: called instead of placing a point if the view shows nothing where the user clicks.
     """
 
     def __init__(
@@ -50,10 +50,10 @@ class PointsIn3D:
         self._clicks: dict[Any, _PlacingClicks] = {}
 
     def hold(self, points: slicer.vtkMRMLMarkupsNode) -> None:
-        """Have the points of a class's list stay where they are when 3D views are dragged, and placed by clicks alone.
+        """Keep the points of a class's list in place when 3D views are dragged, and place its points by clicks only.
 
-        Views may not have a widget for the list yet, or make another one later: this is to be called again whenever the list is
-        displayed otherwise, as it is when a point is pointed at, or hangs on the mouse. By then the widget is there.
+        Call this again whenever the list is displayed differently, because views may not have a widget for it yet, or may
+        make another one. It is displayed differently when a point is under the mouse or hangs on it; by then there is a widget.
         """
         managers = list(self._managers())
         for gone in [manager for manager in self._clicks if manager not in managers]:
@@ -67,13 +67,13 @@ class PointsIn3D:
                 _ignore(widget, widget.WidgetStateDefine, vtk.vtkCommand.LeftButtonPressEvent)
 
     def close(self) -> None:
-        """Have clicks place points no longer."""
+        """Stop placing points by clicks."""
         for clicks in self._clicks.values():
             clicks.close()
         self._clicks = {}
 
     def _placed_in(self) -> slicer.vtkMRMLMarkupsNode | None:
-        """The list of a class in which points are being placed."""
+        """The class's list in which points are being placed; None if there is none."""
         selection, interaction = self._app_logic.GetSelectionNode(), self._app_logic.GetInteractionNode()
         if interaction.GetCurrentInteractionMode() != slicer.vtkMRMLInteractionNode.Place:
             return None
@@ -82,11 +82,11 @@ class PointsIn3D:
 
 
 class _PlacingClicks:
-    """Places points where one 3D view is clicked at: where the left button is released near to where it was pressed.
+    """Places points by clicks in one 3D view: the left button is released near the place where it was pressed.
 
     Args:
-        manager: of the view's points.
-        placed_in: the list in which points are being placed, or None.
+        manager: the displayable manager of the view's points.
+        placed_in: returns the list in which points are being placed, or None.
         on_nothing_hit: see `PointsIn3D`.
     """
 
@@ -109,7 +109,7 @@ class _PlacingClicks:
         })  # fmt: skip
 
     def close(self) -> None:
-        """Listen no longer."""
+        """Stop listening to the mouse."""
         self._mouse.stop()
 
     def _press(self) -> bool:
@@ -138,8 +138,8 @@ class _PlacingClicks:
     def _hits_nothing(self, points: slicer.vtkMRMLMarkupsNode) -> bool:
         """Whether the view shows nothing at the point that hangs on the mouse.
 
-        Slicer puts it as deep as the camera's focus then. What is shown may be as deep, as a slice through the middle of a scan
-        that the view looks at: where depth does not tell, it is looked for, as Slicer does.
+        In that case Slicer puts the point at the depth of the camera's focal point. Something that is shown may lie at the same
+        depth, such as a slice through the middle of the scan; then a picker decides, as in Slicer.
         """
         last = points.GetNumberOfControlPoints() - 1
         if last < 0 or points.GetNthControlPointPositionStatus(last) != points.PositionPreview:
@@ -155,5 +155,5 @@ class _PlacingClicks:
 
 
 def _ignore(widget: Any, state: int, event: int) -> None:
-    """Leave an event to the view, where no key is held."""
+    """Make a widget leave an event to the view, unless a modifier key is held."""
     widget.SetEventTranslation(state, event, vtk.vtkEvent.NoModifier, widget.WidgetEventNone)

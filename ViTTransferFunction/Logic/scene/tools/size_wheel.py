@@ -1,4 +1,4 @@
-"""Ctrl and the wheel in a slice view: over the selected structure they change its size; elsewhere they zoom, as in Slicer."""
+"""Ctrl and the wheel in a slice view: change the size of the selected structure over it; elsewhere zoom, as in Slicer."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ import vtk
 from .view_mouse import SliceMouse
 
 STILL_MM = 3.0
-"""Nearer than this, the mouse is where it was at the last notch in a scan of a body: a hand on a wheel trembles."""
+"""In a scan of a body, the mouse counts as unmoved since the last notch within this distance: hands on wheels tremble."""
 
 
 class SizeWheel:
     """Listens to the wheel in one slice view while active.
 
-    What begins over the structure goes on until the mouse is moved, also when the border of the structure passes it: otherwise
-    the view would zoom in the midst of it.
+    A change of size that begins over the structure continues until the mouse is moved, even if the structure shrinks away from
+    under it; otherwise the view would suddenly zoom.
 
     Args:
-        interactor: of the view's render window.
-        slice_node: says where the view lies in the patient.
-        selected: id of the class whose size can change now; None where there is none.
+        interactor: interactor of the view's render window.
+        slice_node: gives the position of the view in the patient.
+        selected: returns the id of the class whose size can be changed now; None: there is none.
         is_over: whether a point (3,), RAS millimetres, lies on that class's structure.
-        body_scale: of lengths that are meant for bodies.
-        on_notch: gets 1 for a notch away from the user, which is for larger, and −1 for one towards them.
+        body_scale: returns the factor for lengths that suit human bodies.
+        on_notch: called with 1 for a notch away from the user, which means larger, and −1 for one towards them.
     """
 
     def __init__(

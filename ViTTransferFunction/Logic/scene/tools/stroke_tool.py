@@ -1,4 +1,4 @@
-"""Brush strokes in a slice view: the mouse, dragged with the left button held, becomes points along its way."""
+"""Brush strokes in a slice view: points are left along the way of the mouse while the left button is held."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from .view_mouse import PRESSES, SliceMouse
 
 
 class StrokeTool:
-    """Paints in one slice view while active, and shows the brush's size about the mouse.
+    """Paints in one slice view while active, and shows the brush's size as a circle around the mouse.
 
     Args:
-        interactor: of the view's render window.
-        slice_node: says where the view lies in the patient.
-        draw: has the view drawn again soon.
-        step_mm: distance along a stroke after which it leaves the next point.
-        radius_mm: of the circle about the mouse.
-        on_point: gets each point as it is left, (1, 3) RAS millimetres, and whether it continues a stroke.
+        interactor: interactor of the view's render window.
+        slice_node: gives the position of the view in the patient.
+        draw: redraws the view soon.
+        step_mm: distance between the points of a stroke.
+        radius_mm: radius of the circle around the mouse.
+        on_point: called with each new point, (1, 3) RAS millimetres, and whether it continues a stroke.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""The mouse in a view, for tools that take it from the view."""
+"""The mouse in a view, for tools that use it in place of the view's own interaction."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ import slicer
 import vtk
 
 Reaction = Callable[[], bool]
-"""Does what an event calls for, and returns whether the view must not get it."""
+"""Reacts to an event, and returns whether the view must not receive the event."""
 
 _PRIORITY = 100.0
-"""Before the view's own interaction, which must not pan or adjust the window while the user paints or draws."""
+"""Higher than that of the view's own interaction, which must not pan or adjust the window while the user paints or draws."""
 PRESSES = (vtk.vtkCommand.LeftButtonPressEvent, vtk.vtkCommand.LeftButtonDoubleClickEvent)
-"""The second press of a double click is no other event to somebody who dabs twice; a view would fill the window with itself."""
+"""The second press of a double click counts as a press, for users who dab twice; the view would maximise itself instead."""
 
 
 class ViewMouse:
     """Listens to the mouse in one view.
 
     Args:
-        interactor: of the view's render window.
+        interactor: interactor of the view's render window.
     """
 
     def __init__(self, interactor: vtk.vtkRenderWindowInteractor) -> None:
@@ -29,7 +29,7 @@ class ViewMouse:
         self._tags: list[int] = []
 
     def listen(self, reactions: Mapping[int, Reaction]) -> None:
-        """Have each of VTK's events reacted to, until `stop`."""
+        """Call the reaction of each of these VTK events, until `stop`."""
         self._tags = [
             self._interactor.AddObserver(event, self._observer(react), _PRIORITY) for event, react in reactions.items()
         ]
@@ -42,20 +42,20 @@ class ViewMouse:
 
     @property
     def position(self) -> tuple[float, float]:
-        """Where the mouse is, in pixels from the view's lower left."""
+        """Position of the mouse, in pixels from the view's lower left corner."""
         x, y = self._interactor.GetEventPosition()
         return float(x), float(y)
 
     @property
     def modifiers(self) -> set[str]:
-        """Which of the keys "Ctrl", "Shift" and "Alt" are held: with them, Slicer's views are panned, blended and rotated."""
+        """The held ones of the keys "Ctrl", "Shift" and "Alt", with which Slicer's views are panned, blended and rotated."""
         view = self._interactor
         held = {"Ctrl": view.GetControlKey(), "Shift": view.GetShiftKey(), "Alt": view.GetAltKey()}
         return {key for key, is_held in held.items() if is_held}
 
     @property
     def renderer(self) -> vtk.vtkRenderer:
-        """What draws the view."""
+        """The view's renderer."""
         return self._interactor.GetRenderWindow().GetRenderers().GetFirstRenderer()
 
     def _observer(self, react: Reaction) -> Callable[[vtk.vtkObject, str], None]:
@@ -76,8 +76,8 @@ class SliceMouse(ViewMouse):
     """Listens to the mouse in one slice view.
 
     Args:
-        interactor: of the view's render window.
-        slice_node: says where the view lies in the patient.
+        interactor: interactor of the view's render window.
+        slice_node: gives the position of the view in the patient.
     """
 
     def __init__(self, interactor: vtk.vtkRenderWindowInteractor, slice_node: slicer.vtkMRMLSliceNode) -> None:
@@ -85,5 +85,5 @@ class SliceMouse(ViewMouse):
         self._slice_node = slice_node
 
     def in_patient(self, position: tuple[float, float]) -> np.ndarray:
-        """(3,) RAS millimetres of a position in the view."""
+        """The point of the patient at a position in the view, (3,) RAS millimetres."""
         return np.array(self._slice_node.GetXYToRAS().MultiplyPoint((*position, 0.0, 1.0))[:3])
