@@ -207,18 +207,34 @@ def test_a_scene_that_was_changed_after_it_was_saved_becomes_what_it_was_changed
     assert [(state.name, len(state.positive)) for state in panel.panel.session.classes] == [("liver", 2)]
 
 
-@pytest.mark.parametrize(("work", "restored"), [("begun anew", ["liver", "spleen"]), ("renamed", ["spleen"])])
+@pytest.mark.parametrize(
+    ("saved", "work", "unsaved", "restored"),
+    [
+        ("liver", "begun anew", "spleen", ["liver", "spleen"]),
+        ("liver", "renamed", "spleen", ["spleen"]),
+        ("liver", "begun anew", "liver", ["liver"]),
+        ("Structure 1", "begun anew", "Structure 1", ["Structure 1", "Structure 1 (2)"]),
+    ],
+)
 def test_structures_of_a_saved_scene_stay_beside_restored_ones_that_were_not_made_out_of_them(
-    panel: Any, scan: Any, click: Click, tmp_path: Path, spheres: Spheres, work: str, restored: list[str]
+    panel: Any,
+    scan: Any,
+    click: Click,
+    tmp_path: Path,
+    spheres: Spheres,
+    saved: str,
+    work: str,
+    unsaved: str,
+    restored: list[str],
 ) -> None:
-    click()
+    click(saved)
     save(tmp_path / "scene")
     annotations = panel.panel.session.annotations
     if work == "renamed":
-        annotations.set_class(panel.panel.session.classes[0].id, name="spleen")
+        annotations.set_class(panel.panel.session.classes[0].id, name=unsaved)
     else:
         annotations.remove_class(panel.panel.session.classes[0].id)
-    click("spleen", 2)
+    click(unsaved, 2)
     leave(panel, spheres[0])
     slicer.mrmlScene.Clear(False)
     slicer.mrmlScene.SetURL((tmp_path / "scene" / "scene.mrml").as_posix())

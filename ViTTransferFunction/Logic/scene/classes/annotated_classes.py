@@ -18,7 +18,7 @@ from ...core.volumes.geometry import Geometry, transform_points
 from ..mrml.point_lists import Point
 from ..mrml.transforms import matrix_to_world
 from .class_requests import ClassRequests
-from .class_state import ClassState, changed, name_beside, new_class_state
+from .class_state import ClassState, changed, is_named_by_user, name_beside, new_class_state
 
 SAME_PLACE_MM = 1e-3
 """A transform there and back changes the digits behind."""
@@ -126,13 +126,17 @@ def restored_states(
 
 
 def _have_something_in_common(states: Sequence[ClassState], others: Sequence[ClassState]) -> bool:
-    """Whether a name or a point of some classes is one of the others'; if not, they were begun on the scan without those."""
+    """Whether some classes share a point, or a name that a user gave, with the others.
+
+    If not, they were begun on the scan without those. That both have a "Structure 1" says nothing.
+    """
     ones, opposed = (
         np.array([point for state in each for point in (*state.positive, *state.negative)]).reshape(-1, 3)
         for each in (states, others)
     )
     share_a_point = any(np.isclose(opposed, point, rtol=0.0, atol=SAME_PLACE_MM).all(axis=1).any() for point in ones)
-    return share_a_point or not {state.name for state in states}.isdisjoint(state.name for state in others)
+    named, others_named = ({state.name for state in each if is_named_by_user(state)} for each in (states, others))
+    return share_a_point or not named.isdisjoint(others_named)
 
 
 def _in_place_of(former: ClassState, state: ClassState) -> ClassState:

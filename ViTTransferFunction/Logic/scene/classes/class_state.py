@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import uuid
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -17,6 +18,9 @@ CloseUpBox = tuple[float, float, float, float, float, float]
 """Of a class, see `ClassState`."""
 
 Polarity = Literal["positive", "negative"]
+
+UNNAMED = "Structure"
+"""What a class is called, with a number, until the user gives it a name."""
 
 PointsByClass = dict[str, tuple[tuple[Point, ...], tuple[Point, ...]]]
 """Positive and negative points, by the id of their class; of classes that have some."""
@@ -89,11 +93,16 @@ def new_class_state(existing: Sequence[ClassState], name: str | None = None, col
     """
     taken = {state.name for state in existing}
     if not name:
-        name = next(numbered for n in range(1, len(existing) + 2) if (numbered := f"Structure {n}") not in taken)
+        name = next(numbered for n in range(1, len(existing) + 2) if (numbered := f"{UNNAMED} {n}") not in taken)
     used = {tuple(np.round(state.color, 2)) for state in existing}
     free = (n for n in range(len(existing) + 1) if tuple(np.round(default_color(n), 2)) not in used)
     look = Appearance(color or default_color(next(free, len(existing))))
     return ClassState(new_class_id(), name_beside(name, taken), look)
+
+
+def is_named_by_user(state: ClassState) -> bool:
+    """Whether a class has another name than `new_class_state` gives to one without a name."""
+    return re.fullmatch(rf"{UNNAMED} \d+", state.name) is None
 
 
 def name_beside(name: str, taken: Collection[str]) -> str:
