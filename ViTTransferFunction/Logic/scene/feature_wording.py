@@ -14,6 +14,9 @@ from .volumes.volume_content import Frame
 if TYPE_CHECKING:
     from .session import SceneSession
 
+MOST_POINT_WARNINGS = 5
+"""Lines of warnings about points: the table of structures is below them, and is to stay in sight."""
+
 
 def cost_text(session: SceneSession) -> str:
     """What the features will cost, in a few words; "" where that cannot be said: messages tell why."""
@@ -68,16 +71,23 @@ def missing_text(session: SceneSession) -> str:
 
 
 def point_warnings(session: SceneSession) -> list[str]:
-    """What is wrong with where points lie: a line for each structure that it is true of."""
+    """What is wrong with where points lie: a line for each structure that it is true of, and `MOST_POINT_WARNINGS` at most.
+
+    All structures are concerned if points are used with a scan that they were not placed on.
+    """
     names = {state.id: state.name for state in session.classes}
     beyond, missing = (
         {names[id_]: count for id_, count in counts.items() if id_ in names}
         for counts in (session.points_beyond, session.points_without_intensity)
     )
-    return [
+    warnings = [
         *(_points_beyond_text(name, count) for name, count in beyond.items()),
         *(f"⚠ {name}: {without_intensity_text(count)}" for name, count in missing.items()),
     ]
+    if len(warnings) <= MOST_POINT_WARNINGS:
+        return warnings
+    told = warnings[: MOST_POINT_WARNINGS - 1]
+    return [*told, _("⚠ {count} more warnings of this kind.").format(count=len(warnings) - len(told))]
 
 
 def _points_beyond_text(name: str, count: int) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from ViTTransferFunction.Logic.scene.feature_wording import missing_text
+from ViTTransferFunction.Logic.scene.feature_wording import MOST_POINT_WARNINGS, missing_text, point_warnings
 
 ROUGH, WAITING, NOTHING = "coarse features, and rough", "once the features are computed", ""
 
@@ -37,3 +37,18 @@ def test_who_clicks_without_features_is_told_what_is_missing(
     text = missing_text(session)
     assert told in text
     assert bool(text) is bool(told)
+
+
+@pytest.mark.parametrize(("beyond", "missing"), [(MOST_POINT_WARNINGS, 0), (3, MOST_POINT_WARNINGS), (40, 0)])
+def test_warnings_of_many_structures_leave_room_for_the_table(beyond: int, missing: int) -> None:
+    classes = [SimpleNamespace(id=str(n), name=f"structure {n}") for n in range(40)]
+    session: Any = SimpleNamespace(
+        classes=classes,
+        points_beyond={each.id: 2 for each in classes[:beyond]},
+        points_without_intensity={each.id: 1 for each in classes[:missing]},
+    )
+    lines = point_warnings(session)
+    assert len(lines) == MOST_POINT_WARNINGS
+    assert lines[0] == "⚠ structure 0: 2 points outside the volume do not count."
+    left_out = beyond + missing - MOST_POINT_WARNINGS
+    assert (lines[-1] == f"⚠ {left_out + 1} more warnings of this kind.") == (left_out > 0)
