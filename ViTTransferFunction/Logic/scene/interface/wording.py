@@ -145,7 +145,7 @@ def taken_text(names: Sequence[str]) -> str:
 
 
 def mostly_taken_text(names: Sequence[str]) -> str:
-    """Of structures that other segments have more than half of."""
+    """A message about structures of whose voxels other segments have more than half."""
     return _(
         "The segment of {names} lacks most of its voxels: they belong to other segments. To have it overlap them, switch "
         '"Do not overlap other segments" off and create the segments again.'
