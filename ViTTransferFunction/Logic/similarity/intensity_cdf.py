@@ -17,8 +17,11 @@ from ..core.volumes.volume import Volume
 
 ON_CENTRE = 1e-4
 """What is no farther from a voxel's centre along an axis, in voxels, is at it: headers are as exact as that."""
+LONGEST_STEP_CELLS = 1 / 3
+"""Samples of a mean are no farther apart than this share of a cell, or than voxels along their thinnest axis. Averaged over
+three slices as thick as a cell, a nodule in a lung looked like lung."""
 _LEVELS = 512
-_NEIGHBOURS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64) - 1.0
+_STEPS = np.array([-1.0, 0.0, 1.0])
 
 
 class IntensityCdf:
@@ -36,11 +39,17 @@ class IntensityCdf:
         """The CDF, in [0, 1], of interpolated intensities at world points (N, 3), (N,) float32; 0 where they are NaN."""
         return self._cdf(np.nan_to_num(self._sample(self._volume.geometry.ras_to_ijk(points_ras)), nan=-np.inf))
 
-    def around(self, points_ras: np.ndarray) -> np.ndarray:
-        """As `at`, of the mean over 3 × 3 × 3 voxels, which keeps noise out."""
+    def around(self, points_ras: np.ndarray, cells: Geometry) -> np.ndarray:
+        """As `at`, of the mean over 3 × 3 × 3 samples, which keeps noise out.
+
+        Args:
+            points_ras: (N, 3) RAS millimetres.
+            cells: a grid that fills the volume's box. Samples are a voxel apart, or less along axes along which voxels are much
+                thicker than along the others and not small beside cells (`LONGEST_STEP_CELLS`).
+        """
         ijk = self._volume.geometry.ras_to_ijk(points_ras)
         total, count = np.zeros(len(ijk)), np.zeros(len(ijk))
-        for offset in _NEIGHBOURS:
+        for offset in np.stack(np.meshgrid(*(step * _STEPS for step in self._steps(cells)), indexing="ij"), -1).reshape(-1, 3):
             samples = self._sample(ijk + offset)
             finite = np.isfinite(samples)
             total[finite] += samples[finite]
@@ -48,22 +57,27 @@ class IntensityCdf:
         return self._cdf(np.where(count > 0.0, total / np.maximum(count, 1.0), -np.inf))
 
     def around_cells(self, cells: Geometry) -> np.ndarray:
-        """As `around`, of the centres of all cells of a grid that fills the volume's box, in the order of a flattened array.
-
-        Along each axis the mean over three neighbours of what lies between two voxels has four weights.
-        """
+        """As `around`, of the centres of all cells of a grid that fills the volume's box, in the order of a flattened array."""
         array = self._volume.array
-        (k, of_k), (j, of_j), (i, of_i) = (_four_weights(count, n) for count, n in zip(cells.shape, array.shape, strict=True))
+        counts = zip(cells.shape, array.shape, self._steps(cells)[::-1], strict=True)
+        (k, of_k), (j, of_j), (i, of_i) = (_four_weights(*along_axis) for along_axis in counts)
         means = np.empty(cells.shape)
         for layer in range(len(k)):
             # One layer of cells at a time, so that no copy of the volume is made; along I, where that is slow, picked out last.
             voxels = array[k[layer]][:, j.ravel()]
             if not np.isfinite(voxels).all():
-                return self.around(cells.voxel_centres_ras())
+                return self.around(cells.voxel_centres_ras(), cells)
             rows = np.tensordot(of_k[layer], voxels.astype(np.float64), 1).reshape(*j.shape, -1)
             columns = (of_j[:, :, None] * rows).sum(axis=1)
             means[layer] = (columns[:, i] * of_i).sum(axis=2)
         return self._cdf(means.ravel())
+
+    def _steps(self, cells: Geometry) -> np.ndarray:
+        """Distances between the samples of a mean, in voxels along I, J, K."""
+        spacing = self._volume.geometry.spacing_mm
+        longest_mm = np.maximum(LONGEST_STEP_CELLS * cells.spacing_mm, spacing.min())
+        steps: np.ndarray = np.minimum(1.0, longest_mm / spacing)
+        return steps
 
     def _sample(self, ijk: np.ndarray) -> np.ndarray:
         samples: np.ndarray = ndimage.map_coordinates(
@@ -96,11 +110,13 @@ class IntensityCdf:
         return cdf
 
 
-def _four_weights(cells: int, voxels: int) -> tuple[np.ndarray, np.ndarray]:
-    """The voxels along an axis that count for each of its cells, and how much, (cells, 4) each; weights sum to 1."""
-    centres = (np.arange(cells) + 0.5) * (voxels / cells) - 0.5
-    lower = np.floor(centres).astype(int)
-    after = centres - lower
-    weights = np.stack([1.0 - after, np.ones(cells), np.ones(cells), after], axis=1) / 3.0
+def _four_weights(cells: int, voxels: int, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """The voxels along an axis that count for each of its cells, and how much, (cells, 4) each; weights sum to 1.
+
+    Three samples, each interpolated between two voxels and at most one voxel apart, lie within four.
+    """
+    centres = (np.arange(cells)[:, None] + 0.5) * (voxels / cells) - 0.5
+    near = np.floor(centres).astype(int) + np.arange(-1, 3)
+    apart = np.abs((centres + step * _STEPS)[:, :, None] - near[:, None])
     # Beyond the border its voxels go on.
-    return np.clip(lower[:, None] + np.arange(-1, 3), 0, voxels - 1), weights
+    return np.clip(near, 0, voxels - 1), np.maximum(1.0 - apart, 0.0).mean(axis=1)

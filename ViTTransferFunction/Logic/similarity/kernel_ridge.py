@@ -280,7 +280,7 @@ class KernelRidge:
         return FixedPlaces(self._volume_geometry, self._intensities.centres_ras[self._intensities.iso_cells])
 
     def _places(self, features: np.ndarray, positions_ras: np.ndarray) -> Places:
-        return Places(features, self._centred(positions_ras), self._cdf.around(positions_ras))
+        return Places(features, self._centred(positions_ras), self._cdf.around(positions_ras, self._features.geometry))
 
     def _cells_at(self, points_ras: np.ndarray) -> np.ndarray:
         """The cell that holds each of the points (P, 3), or the nearest one: its index, (P,)."""

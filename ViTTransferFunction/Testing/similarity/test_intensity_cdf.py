@@ -24,7 +24,7 @@ def test_around_all_cells_of_a_grid_is_around_each_of_their_centres(cells: tuple
         array[3:6, 2:9, 4], array[20, 15, 12] = np.nan, np.inf
     volume = Volume(array, Geometry(array.shape, OBLIQUE))
     cdf, grid = IntensityCdf(volume), volume.geometry.resized(cells)
-    np.testing.assert_allclose(cdf.around_cells(grid), cdf.around(grid.voxel_centres_ras()), atol=1e-6)
+    np.testing.assert_allclose(cdf.around_cells(grid), cdf.around(grid.voxel_centres_ras(), grid), atol=1e-6)
 
 
 def test_a_value_that_fills_half_of_the_volume_takes_no_more_room_than_others() -> None:
@@ -56,4 +56,22 @@ def test_beside_a_mask_voxels_count_alike_however_a_scan_is_stored(not_measured:
     cdf, of_mirrored = (IntensityCdf(scan) for scan in (volume, stored_as(volume, MIRRORED)))
     assert cdf.at(points)[0] > 0.0
     np.testing.assert_allclose(of_mirrored.at(points), cdf.at(points), atol=1e-6)
-    np.testing.assert_allclose(of_mirrored.around(points), cdf.around(points), atol=1e-6)
+    cells = volume.geometry.resized((4, 4, 4))
+    np.testing.assert_allclose(of_mirrored.around(points, cells), cdf.around(points, cells), atol=1e-6)
+
+
+@pytest.mark.parametrize(("cells", "expected"), [((9, 8, 8), -187.0), ((3, 3, 3), -560.0)], ids=["thin cells", "thick cells"])
+def test_a_structure_as_thick_as_a_slice_is_not_averaged_with_the_slices_beside_it(
+    cells: tuple[int, int, int], expected: float
+) -> None:
+    """A nodule in a lung, in one slice of 5 mm: averaged over three of these, it would be as dark as a vessel's rim.
+
+    Only where cells are as thick as three slices is it averaged so, since they hold no more than that of it.
+    """
+    array = np.random.default_rng(0).uniform(-840.0, 1000.0, (9, 60, 60))
+    array[3:6, 24:36, 24:36] = -840.0
+    array[4, 24:36, 24:36] = 0.0
+    volume = volume_of(array, (0.6, 0.6, 5.0))
+    point = volume.geometry.ijk_to_ras_points(np.array([[30.0, 30.0, 4.0]]))
+    around = IntensityCdf(volume).around(point, volume.geometry.resized(cells))
+    assert around[0] == pytest.approx((expected + 840.0) / 1840.0, abs=0.01)
