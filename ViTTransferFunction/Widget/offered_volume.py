@@ -9,6 +9,7 @@ import slicer
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.scene.mrml.nodes import in_text
 from ViTTransferFunction.Logic.scene.mrml.observers import SceneObservers
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volumes.offered_volume import choosable_volumes, offered_volume
@@ -94,7 +95,7 @@ def _why_not(node: slicer.vtkMRMLVolumeNode | None) -> str:
         return _(
             "'{name}' is a label map: it says where structures are, and has no intensities to find them by. Load the scan "
             "itself. If this is the scan, load it again with 'LabelMap' unticked in the options of 'Add Data'."
-        ).format(name=node.GetName())
+        ).format(name=in_text(node.GetName() or ""))
     image = node.GetImageData() if node is not None else None
     try:
         if image is not None and image.GetNumberOfScalarComponents() > 1:

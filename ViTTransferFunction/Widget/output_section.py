@@ -9,6 +9,7 @@ import slicer
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.scene.interface.wording import outdated_text
+from ViTTransferFunction.Logic.scene.mrml.nodes import in_text
 from ViTTransferFunction.Logic.scene.segments.corrections import Corrections
 from ViTTransferFunction.Widget.node_selector import fill_selector
 from ViTTransferFunction.Widget.progress_row import ProgressRow
@@ -130,7 +131,7 @@ def ask_about_corrections(names: tuple[str, ...]) -> Corrections | None:
     box.icon = qt.QMessageBox.Question
     box.windowTitle = _("Update segments")
     box.textFormat = qt.Qt.PlainText  # Names may look like tags.
-    box.text = _("Changed since the last update: {names}.").format(names=", ".join(names))
+    box.text = _("Changed since the last update: {names}.").format(names=", ".join(map(in_text, names)))
     box.informativeText = _(
         "Keep corrections: they stay, and new results are written beside them as new segments. Overwrite corrections: they are "
         "lost. All other structures are updated either way."

@@ -9,6 +9,7 @@ from ..core.volumes.missing_intensity import without_intensity_text
 from ..session.feature_estimate import FeatureEstimate, WeightsDownload
 from .interface.translation import tr as _
 from .interface.wording import duration, size
+from .mrml.nodes import in_text
 from .volumes.volume_content import Frame
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ def point_warnings(session: SceneSession) -> list[str]:
 
     All structures are concerned if points are used with a scan that they were not placed on.
     """
-    names = {state.id: state.name for state in session.classes}
+    names = {state.id: in_text(state.name) for state in session.classes}
     beyond, missing = (
         {names[id_]: count for id_, count in counts.items() if id_ in names}
         for counts in (session.points_beyond, session.points_without_intensity)

@@ -52,3 +52,11 @@ def test_warnings_of_many_structures_leave_room_for_the_table(beyond: int, missi
     assert lines[0] == "⚠ structure 0: 2 points outside the volume do not count."
     left_out = beyond + missing - MOST_POINT_WARNINGS
     assert (lines[-1] == f"⚠ {left_out + 1} more warnings of this kind.") == (left_out > 0)
+
+
+def test_the_number_of_points_stays_behind_a_name_from_the_right() -> None:
+    classes = [SimpleNamespace(id="a", name="כבד 2"), SimpleNamespace(id="b", name="liver")]
+    session: Any = SimpleNamespace(classes=classes, points_beyond={"a": 3, "b": 3}, points_without_intensity={})
+    of_the_first, of_the_second = point_warnings(session)
+    assert of_the_first == "⚠ \u2068כבד 2\u2069: 3 points outside the volume do not count."
+    assert of_the_second == "⚠ liver: 3 points outside the volume do not count."

@@ -16,9 +16,11 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLabel
 
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.scene.mrml.nodes import in_text
 from ViTTransferFunction.Testing.support.scenes import add_volume
 from ViTTransferFunction.Testing.support.standin.host import MODULE_FILE, PANEL_WIDTH, Host
 from ViTTransferFunction.Testing.support.widgets import add_class
+from ViTTransferFunction.Widget.wording import breakable
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
@@ -97,6 +99,12 @@ def test_an_address_in_a_message_can_be_copied(widget: Any, host: Host) -> None:
     widget.panel._messages.show(f"Ask for the weights ({address}).", lambda: False)
     assert address in widget.ui.messageLabel.text()
     assert width(host) <= before
+
+
+def test_a_message_that_begins_with_a_name_from_the_right_runs_from_the_left() -> None:
+    name = in_text("בטן")
+    assert breakable(f"⚠ Try again.\n\n⚠ '{name}' was moved.") == f"⚠ Try again.\n\n\u200e⚠ '{name}' was moved."
+    assert breakable(f"⚠ Place a point on {name} first.") == f"⚠ Place a point on {name} first."
 
 
 def copy(label: QLabel) -> None:

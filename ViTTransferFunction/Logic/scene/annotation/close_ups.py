@@ -16,6 +16,7 @@ from ..interface.notices import Notices
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
 from ..interface.wording import close_up_text
+from ..mrml.nodes import in_text
 from ..mrml.transforms import matrix_to_world
 from ..volumes.opened_volume import OpenedVolume
 from .annotations import SceneAnnotations
@@ -74,7 +75,7 @@ class SceneCloseUps:
         """
         self._problems.solve("close-up")  # So that the user is told of the same problem again.
         content, class_map, request = self._volume.content, self._proxy.maps.get(id_), self._maps.requests.of(id_)
-        name = next(state.name for state in self._annotations.classes if state.id == id_)
+        name = in_text(next(state.name for state in self._annotations.classes if state.id == id_))
         if content is None or class_map is None or request is None:
             self._problems.put("close-up", f"Place a point on {name} first, and wait until it is shown.")
         else:

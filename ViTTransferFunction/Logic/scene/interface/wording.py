@@ -12,6 +12,7 @@ from ...core.system.out_of_memory import OUT_OF_MEMORY, is_out_of_memory
 from ...core.system.progress import WorkProgress
 from ...core.volumes.measures import decimals_of, two_figures
 from ...rendering.appearance import STYLES
+from ..mrml.nodes import in_text
 from .shortcuts import SHORTCUTS
 from .translation import tr as _
 
@@ -157,7 +158,7 @@ def segmentation_removed_text(name: str) -> str:
     return _(
         "The segmentation '{name}' was removed meanwhile, so no segments were written. Create them again, in a new one or in "
         "another that you choose."
-    ).format(name=name)
+    ).format(name=in_text(name))
 
 
 def outdated_text() -> str:
@@ -170,7 +171,7 @@ def older_segments_text(segmentation_name: str) -> str:
     return _(
         "'{name}' is older than the structures, which were changed for another frame: Update segments would replace it. To "
         "keep it, choose New segmentation first."
-    ).format(name=segmentation_name)
+    ).format(name=in_text(segmentation_name))
 
 
 def left_behind_text(volume: str, names: Sequence[str], segmentation: str | None) -> str:
@@ -197,7 +198,7 @@ def left_behind_text(volume: str, names: Sequence[str], segmentation: str | None
             "'{volume}' was moved, and the segments of '{segmentation}' were not: they lie elsewhere in it now. Update the "
             "segments, put the segmentation under the same transform, in Slicer's module Data, or move the image back."
         )
-    return text.format(volume=volume, names=_listing(names), segmentation=segmentation)
+    return text.format(volume=in_text(volume), names=_listing(names), segmentation=in_text(segmentation or ""))
 
 
 def other_scan_text(volume: str) -> str:
@@ -206,7 +207,7 @@ def other_scan_text(volume: str) -> str:
         "Points in '{volume}' were placed on a scan that looks different, perhaps another patient's. Look where they lie "
         "before you trust what they give. If this is the wrong scan, open the right one; its file may have been replaced. If "
         "it is meant, go on, and correct the points."
-    ).format(volume=volume)
+    ).format(volume=in_text(volume))
 
 
 def former_model_text(former: str, model: str) -> str:
@@ -261,7 +262,7 @@ def not_in_slices_text(volume_name: str) -> str:
     return _(
         "No slice view shows '{name}', which is segmented; clicks are points in it all the same. Show it by its eye in the "
         "module Data, or choose the scan that the views show."
-    ).format(name=volume_name)
+    ).format(name=in_text(volume_name))
 
 
 def no_structure_text(has_volume: bool) -> str:
@@ -327,5 +328,5 @@ def context_words() -> dict[str, str]:
 
 def _listing(names: Sequence[str]) -> str:
     """Names in quotes, at most `_MOST_NAMES` of them."""
-    quoted = [f"'{name}'" for name in names[:_MOST_NAMES]]
+    quoted = [f"'{in_text(name)}'" for name in names[:_MOST_NAMES]]
     return ", ".join(quoted) + (" …" if len(names) > _MOST_NAMES else "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -35,6 +36,16 @@ def name_of(node: Any) -> str:
     name: str = (node.GetName() or "").translate(_FOR_USERS)
     without = name.removeprefix(_NO_DEVICE)
     return without if is_device(without) else name
+
+
+def in_text(name: str) -> str:
+    """A name for a sentence, whose direction it leaves alone.
+
+    Beside a name in Arabic or Hebrew, marks and numbers change sides, and a line that begins with one runs from the right. The
+    characters around it are not seen (Unicode's isolates, UAX #9).
+    """
+    from_the_right = any(unicodedata.bidirectional(letter) in ("R", "AL") for letter in name)
+    return f"\N{FIRST STRONG ISOLATE}{name}\N{POP DIRECTIONAL ISOLATE}" if from_the_right else name
 
 
 def node_of_class(node: Any, class_name: str) -> Any:

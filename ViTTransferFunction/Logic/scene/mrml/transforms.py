@@ -12,6 +12,7 @@ from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from ...core.system.errors import InputError
 from ...core.volumes.geometry import transform_points
+from .nodes import in_text
 
 
 def world_to_local(node: Any, points_ras: np.ndarray) -> np.ndarray:
@@ -30,18 +31,19 @@ def matrix_to_world(node: Any) -> np.ndarray:
         InputError: one of them is not linear, or makes the node flat.
     """
     matrix, parent = vtkMatrix4x4(), node.GetParentTransformNode()
+    name, above = (in_text(one.GetName() or "") if one is not None else "" for one in (node, parent))
     # Checked first, because VTK prints an error if it is asked for a matrix that does not exist.
     if parent is not None and not parent.IsTransformToWorldLinear():
         raise InputError(
-            f"'{node.GetName()}' is under a non-linear transform ('{parent.GetName()}' or one above it), such as Slicer gives "
+            f"'{name}' is under a non-linear transform ('{above}' or one above it), such as Slicer gives "
             "scans whose slices lie at uneven distances. Harden it in Slicer, in the module Data: right-click the transform "
-            f"icon of '{node.GetName()}', Harden transform."
+            f"icon of '{name}', Harden transform."
         )
     if parent is not None:
         parent.GetMatrixTransformToWorld(matrix)
         if not matrix.Determinant():
             raise InputError(
-                f"'{node.GetName()}' is under a transform ('{parent.GetName()}' or one above it) that makes it flat. Correct "
+                f"'{name}' is under a transform ('{above}' or one above it) that makes it flat. Correct "
                 "its matrix in Slicer, in the module Transforms."
             )
     return numpy_matrix(matrix)

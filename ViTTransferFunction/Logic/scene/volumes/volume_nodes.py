@@ -16,6 +16,7 @@ from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from ...core.system.errors import InputError
 from ...core.volumes.geometry import Geometry
 from ...core.volumes.volume import Volume
+from ..mrml.nodes import in_text
 from ..mrml.transforms import matrix_to_world, numpy_matrix, vtk_matrix
 
 
@@ -32,7 +33,7 @@ def geometry_from_node(node: Any) -> Geometry:
         InputError: the node has no voxels, more than one number in each, a degenerate geometry, or a parent transform
             that is not linear or leaves no volume.
     """
-    name, image = node.GetName(), node.GetImageData()
+    name, image = in_text(node.GetName() or ""), node.GetImageData()
     scalars = image.GetPointData().GetScalars() if image else None
     if scalars is None or not scalars.GetNumberOfTuples():
         raise InputError(
