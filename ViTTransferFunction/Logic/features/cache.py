@@ -76,7 +76,7 @@ class FeatureCache:
     def put(self, features: FeatureVolume) -> str:
         """Store features completely or not at all, then remove the least recently used ones beyond the limit.
 
-        Features with values that are not finite are not stored. If the folder cannot be written to or the disk is full, that is
+        Features with values that are not finite are not stored. If the folder cannot be written to or its disk is full, that is
         logged once.
 
         Returns:
@@ -88,6 +88,7 @@ class FeatureCache:
         try:
             make_private(self.folder)
             with replacing(path) as temporary, temporary.open("wb") as file:
+                self._check_room(features.array.nbytes)
                 write_features(file, features)
             set_rights(path, 0o600)
         except (OSError, InputError) as error:
@@ -98,25 +99,6 @@ class FeatureCache:
             )
         self._evict(keep=features.key)
         return ""
-
-    def check_room(self, needed_bytes: int) -> None:
-        """Raise InputError if features of this size will not fit on the disk: checked before minutes are spent on them."""
-        try:
-            existing = next((parent for parent in (self.folder, *self.folder.absolute().parents) if parent.exists()), None)
-            if existing is None:
-                return  # On Windows, the whole disk may be missing.
-            total, _, free = shutil.disk_usage(existing)
-        except OSError:
-            return  # Nothing can be kept there; `put` will say so.
-        # A folder such as /proc is on no disk: no space can be freed there.
-        if total == 0 or not os.access(existing, os.W_OK):
-            return
-        if free < needed_bytes + SPARE_BYTES:
-            raise InputError(
-                f"The disk of the cache folder {self.folder} is full: {free / 1e6:.0f} MB free, "
-                f"{(needed_bytes + SPARE_BYTES) / 1e6:.0f} MB needed. "
-                f"Free some space, or set the environment variable {CACHE_VARIABLE} to a folder on another disk."
-            )
 
     def entries(self) -> list[CacheEntry]:
         """The stored feature volumes, most recently used first."""
@@ -142,6 +124,13 @@ class FeatureCache:
             # If a file is still there, a second attempt raises the reason.
             self._path(entry.key).unlink(missing_ok=True)
         return freed
+
+    def _check_room(self, needed_bytes: int) -> None:
+        """Raise InputError if features of this size would fill the disk."""
+        total, _, free = shutil.disk_usage(self.folder)
+        # Some disks, such as those of other computers, do not say how large they are.
+        if total and free < needed_bytes + SPARE_BYTES:
+            raise InputError(f"its disk is full: {free / 1e6:.0f} MB free, {(needed_bytes + SPARE_BYTES) / 1e6:.0f} MB needed")
 
     def _path(self, key: str) -> Path:
         return self.folder / f"{key}.npz"

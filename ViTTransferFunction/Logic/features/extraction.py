@@ -55,11 +55,6 @@ def features_size_bytes(geometry: Geometry, settings: FeatureSettings, model: Pr
     return math.prod(grid_shape(geometry, settings)) * model.embed_dim * np.dtype(np.float16).itemsize
 
 
-def kept_size_bytes(volume: Volume, settings: FeatureSettings, model: PretrainedModel) -> int:
-    """Size of the feature volume that `extract_features` returns, which the cache keeps; some tenths of a second of work."""
-    return math.prod(ExtractionPlan(volume, settings).shape) * model.embed_dim * np.dtype(np.float16).itemsize
-
-
 class FeatureRun:
     """An extraction that is planned: batches of slices are run in any order, then there are features.
 

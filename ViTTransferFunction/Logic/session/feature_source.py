@@ -10,7 +10,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.system.errors import InputError
 from ..core.system.out_of_memory import is_out_of_memory
 from ..core.system.progress import Progress
 from ..core.volumes.geometry import Geometry
@@ -19,7 +18,7 @@ from ..features.cache import FeatureCache
 from ..features.cost import feature_cost, feature_memory_bytes
 from ..features.device import choose_device
 from ..features.device_check import UnsoundDevice
-from ..features.extraction import extract_features, features_size_bytes, kept_size_bytes
+from ..features.extraction import extract_features, features_size_bytes
 from ..features.networks import Networks
 from ..features.progressive import progressive_cost, progressive_features
 from ..features.settings import FeatureSettings, feature_key, grid_shape
@@ -151,12 +150,12 @@ class FeatureSource:
             coarse_first: whether coarse features are wanted first (`progressive_features`).
 
         Yields:
-            Features of ever finer detail; the last are the final ones. They are in the cache when the iteration ends. If a
+            Features of ever finer detail; the last are the final ones. They are in the cache when the iteration ends, if
+            it can keep them (`FeatureProvenance.not_kept`). If a
             graphics card runs out of memory or gives wrong results, the processor begins again with the first features.
 
         Raises:
-            InputError: weights or device are not to be had, the weights do not fit, memory is not enough, or the cache's
-                disk is full.
+            InputError: weights or device are not to be had, the weights do not fit, or memory is not enough.
             Cancelled: by the progress callback.
         """
 
@@ -185,7 +184,6 @@ class FeatureSource:
             yield cached
             return
         network = self._networks.network(weights, self._device)
-        self._check_room()
         if coarse_first:
             stages = progressive_features(self._volume, network, self._settings, progress)
         else:
@@ -198,14 +196,6 @@ class FeatureSource:
     def _found_weights(self, progress: Progress) -> WeightsFile:
         name, path, may_download = self._model.name, self._weights_path, self._may_download
         return find_weights(name, path, allow_download=may_download, trust=self._trust, progress=progress)
-
-    def _check_room(self) -> None:
-        """Raise InputError if the disk has no room for the features in the cache."""
-        try:
-            self._cache.check_room(self._size_bytes)
-        except InputError:
-            # Usually there are far fewer patches than cells, but to count them would delay the first answer a little.
-            self._cache.check_room(kept_size_bytes(self._volume, self._settings, self._model))
 
     def _cached(self, key: str) -> NormalisedFeatures | None:
         """The features from the cache; None if it has none, or if their grid is not the expected one."""

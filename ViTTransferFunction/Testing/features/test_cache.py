@@ -8,6 +8,7 @@ import hashlib
 import io
 import logging
 import os
+import re
 import shutil
 import time
 import zipfile
@@ -21,10 +22,9 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.system.atomic_file import ABANDONED_S
-from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.features import cache as cache_module
-from ViTTransferFunction.Logic.features.cache import FeatureCache
+from ViTTransferFunction.Logic.features.cache import SPARE_BYTES, FeatureCache
 from ViTTransferFunction.Logic.features.feature_file import write_features
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume, Moments
 
@@ -212,7 +212,6 @@ def test_a_folder_that_cannot_be_written_is_told_once_and_nothing_else_happens(
     (tmp_path / "file").write_text("")
     cache = FeatureCache(tmp_path / "file" / "features")
     for name in ("a", "b"):
-        cache.check_room(1)
         assert "cannot be kept" in cache.put(features_named(name))
         assert cache.get(key(name)) is None
     assert (cache.entries(), cache.clear()) == ([], 0)
@@ -221,23 +220,13 @@ def test_a_folder_that_cannot_be_written_is_told_once_and_nothing_else_happens(
     assert "VITTF_CACHE" in message
 
 
-def test_a_read_only_folder_is_not_taken_for_a_full_one(cache: FeatureCache, monkeypatch: pytest.MonkeyPatch) -> None:
-    usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(100, 100, 0))
-    monkeypatch.setattr(os, "access", lambda path, mode: False)
-    cache.check_room(10**6)
-
-
-def test_a_folder_on_no_disk_is_not_taken_for_a_full_one(cache: FeatureCache, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_disk_that_does_not_say_how_large_it_is_is_not_taken_for_a_full_one(
+    cache: FeatureCache, monkeypatch: pytest.MonkeyPatch
+) -> None:
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(0, 0, 0))
-    cache.check_room(10**6)
-
-
-def test_a_disk_that_is_not_there_is_not_taken_for_a_full_one(cache: FeatureCache, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On Windows, not even the root of one is there that was unplugged."""
-    monkeypatch.setattr(Path, "exists", lambda _: False)
-    cache.check_room(10**6)
+    assert cache.put(features_named("a")) == ""
+    assert key("a") in cache
 
 
 def test_a_disk_that_fills_meanwhile_loses_no_work(
@@ -380,11 +369,13 @@ def test_size_is_shown_and_clearing_frees_it(cache: FeatureCache) -> None:
     assert cache.size_bytes() == 0
 
 
-def test_a_full_disk_is_reported_before_work_is_spent(cache: FeatureCache, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_features_that_would_fill_the_disk_are_not_kept(cache: FeatureCache, monkeypatch: pytest.MonkeyPatch) -> None:
     usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(100, 99, 1))
-    with pytest.raises(InputError, match=r"disk .* is full.*VITTF_CACHE"):
-        cache.check_room(10**6)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10**9, 10**9 - SPARE_BYTES, SPARE_BYTES))
+    assert re.search(
+        r"cannot be kept in .* again next time \(its disk is full: 67 MB free.*VITTF_CACHE", cache.put(features_named("a"))
+    )
+    assert not list(cache.folder.iterdir())
 
 
 def test_the_folder_is_the_users_cache_unless_given(a_cache_of_its_own: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+from collections import namedtuple
 from dataclasses import replace
 from pathlib import Path
 
@@ -168,36 +170,6 @@ def test_the_volume_is_hashed_once(spheres: Spheres) -> None:
     assert volume.digest is before
 
 
-def test_a_cache_without_room_is_told_of_before_features_are_computed_for_it(
-    spheres: Spheres, tiny_weights: SessionSettings, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(self: FeatureCache, size_bytes: int) -> None:
-        raise InputError("The disk is full.")
-
-    monkeypatch.setattr(FeatureCache, "check_room", full)
-    monkeypatch.setattr(feature_source, "extract_features", lambda *_: pytest.fail("computed in vain"))
-    with pytest.raises(InputError, match="disk is full"):
-        open_session(spheres[0], tiny_weights).load_features()
-
-
-def test_a_disk_that_has_room_for_the_features_themselves_is_not_called_full(
-    spheres: Spheres, tiny_weights: SessionSettings, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    balanced, asked = PRESETS[DEFAULT_PRESET], list[int]()
-    few_patches = replace(balanced, features=replace(balanced.features, most_patches=1))
-    monkeypatch.setitem(PRESETS, DEFAULT_PRESET, few_patches)
-
-    def full_but_for_patches(self: FeatureCache, size_bytes: int) -> None:
-        asked.append(size_bytes)
-        if len(asked) == 1:
-            raise InputError("The disk is full.")
-
-    monkeypatch.setattr(FeatureCache, "check_room", full_but_for_patches)
-    open_session(spheres[0], tiny_weights).load_features()
-    (entry,) = FeatureCache().entries()
-    assert 0 < asked[-1] <= entry.size_bytes < asked[0]
-
-
 def test_features_are_reported_with_their_origin_and_precision(spheres: Spheres, tiny_weights: SessionSettings) -> None:
     computed, cached = (open_session(spheres[0], tiny_weights).load_features() for _ in range(2))
     assert (computed.cached, cached.cached) == (False, True)
@@ -276,3 +248,14 @@ def test_who_loads_features_that_cannot_be_kept_is_told_why(
     provenance = open_session(spheres[0], tiny_weights).load_features()
     assert not provenance.cached
     assert "cannot be kept" in provenance.not_kept
+
+
+def test_features_are_used_where_the_disk_of_the_cache_is_full(
+    tiny_weights: SessionSettings, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(100, 99, 1))
+    session = open_session(spheres[0], tiny_weights)
+    assert "disk is full" in session.load_features().not_kept
+    assert session.features is not None
+    assert FeatureCache().entries() == []
