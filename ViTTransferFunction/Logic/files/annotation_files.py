@@ -1,4 +1,4 @@
-"""Annotations from files and to them: our own JSON, or, only from them, Slicer's point lists, lines and closed curves."""
+"""Reads annotations from our own JSON files and from Slicer's markups files, and writes the former."""
 
 from __future__ import annotations
 
@@ -26,26 +26,27 @@ from .closed_curve import closed_curve_through
 from .json_files import read_json
 
 ANNOTATIONS_ENDING = ".annotations.json"
-"""Follows the volume's name without its ending. `scan.json` alone is what converters of DICOM write beside `scan.nii.gz`."""
+"""Appended to the volume's name without its ending. `.json` alone would not do: DICOM converters write `scan.json` beside
+`scan.nii.gz`."""
 
 CLASS_FIELDS = frozenset({"name", "color", "opacity", "positive", "negative", "iso", "size", "proximity", "refine", "close_up"})
 
 _PLACED_ON = "placed_on"
-"""Field of a file: the `Thumbnail` of the scan that its points were placed on."""
+"""Field of a file with the `Thumbnail` of the scan that its points were placed on."""
 
 NAMED_SIZES = {"smaller": -1.0, "larger": 1.0}
-"""Sizes of `ClassRequest` that have a name."""
+"""Names for values of `ClassRequest.size`."""
 
 
 def read_annotations(path: Path, geometry: Geometry) -> list[AnnotatedClass]:
     """Read an annotation file: `{"coordinate_system": "RAS"|"LPS"|"IJK", "classes": [{"name", "positive", …}]}`.
 
     Args:
-        path: JSON; of a class only `name` and `positive` are required (`ClassRequest`, `AnnotatedClass` say what others mean).
+        path: JSON; classes need only `name` and `positive` (`ClassRequest` and `AnnotatedClass` explain the other fields).
         geometry: of the annotated volume, to which IJK points refer.
 
     Raises:
-        InputError: unreadable, not of this form, or a class is invalid.
+        InputError: the file cannot be read or has another form, or a class is invalid.
     """
     _check_is_no_older_list(path)
     content = read_json(path)
@@ -64,12 +65,14 @@ def read_annotations(path: Path, geometry: Geometry) -> list[AnnotatedClass]:
 
 
 def write_annotations(classes: Sequence[AnnotatedClass], path: Path, about: Mapping[str, str] | None = None) -> None:
-    """Write classes as an annotation file, whole or not at all. Read again, they are equal but for ids, which are their names.
+    """Write classes as an annotation file, completely or not at all.
+
+    Classes that are read from it are equal to these except for their ids, which become their names.
 
     Args:
-        classes: of different names: the file has no other way to tell them apart.
+        classes: have different names, which are the only identification in the file.
         path: JSON.
-        about: what else the file is to say, by field; who reads annotations passes it over.
+        about: further fields of the file, by name; readers of annotations ignore them.
 
     Raises:
         InputError: the file cannot be written.
@@ -82,13 +85,13 @@ def write_annotations(classes: Sequence[AnnotatedClass], path: Path, about: Mapp
 
 
 def _placed_on_field(classes: Sequence[AnnotatedClass]) -> str:
-    """Of the whole file: programs that do not know it refuse unknown fields of classes only."""
+    """The field belongs to the whole file, since programs that do not know it refuse unknown fields of classes only."""
     placed_on = scan_of(classes)
     return "" if placed_on is None else f',\n "{_PLACED_ON}": "{placed_on.to_text()}"'
 
 
 def _entry(annotated: AnnotatedClass) -> dict[str, Any]:
-    """What the file says of a class; what is as it would be anyway, it leaves out."""
+    """The file's entry for a class, without the settings that have their default values."""
     request = annotated.request
     entry: dict[str, Any] = {
         "name": request.name,
@@ -116,13 +119,13 @@ def _close_up_entry(annotated: AnnotatedClass) -> dict[str, Any] | bool | None:
 
 
 class Markups(NamedTuple):
-    """What markups stand for, RAS millimetres.
+    """Points that markups represent, RAS millimetres.
 
     Attributes:
-        inside: points (N, 3); of what was drawn, those in the volume.
-        outside: points (M, 3), beyond the ends of lines, which are diameters of what they are about, and around closed curves,
-            which are outlines.
-        outline: (P, 3), where a single closed curve is all there is.
+        inside: (N, 3) points of point lists; and points inside lines and closed curves, as far as they lie in the volume.
+        outside: (M, 3) points beyond the ends of lines, which are diameters of structures, and around closed curves, which are
+            outlines.
+        outline: (P, 3) points along the curve, if the file has a single closed curve and nothing else.
     """
 
     inside: np.ndarray
@@ -131,14 +134,15 @@ class Markups(NamedTuple):
 
 
 def read_markups(path: Path, geometry: Geometry) -> Markups:
-    """What a Slicer markups file (`.mrk.json`) gives: only control points that were placed count.
+    """Read a Slicer markups file (`.mrk.json`); only control points that were placed count.
 
     Args:
         path: of the file.
         geometry: of the volume that they were drawn in.
 
     Raises:
-        InputError: unreadable, not a markups file, of boxes or planes, or no part of a line or a curve lies in the volume.
+        InputError: the file cannot be read, is not a markups file, or has boxes or planes; or a line or curve is incomplete, or
+            has no point in the volume.
     """
     _check_is_no_older_list(path)
     content = read_json(path)
@@ -190,7 +194,7 @@ def _points_of(markup: dict[str, Any], path: Path, geometry: Geometry) -> Markup
 
 
 def _within(drawn: Markups, geometry: Geometry, what: str) -> Markups:
-    """Without the points inside that the volume cuts off: a structure that it cuts is drawn around as a whole."""
+    """Drop inside points beyond the volume, since a structure that it cuts off is drawn completely."""
     inside = drawn.inside[geometry.contains(drawn.inside)]
     if not len(inside):
         raise InputError(f"No part of the {what} lies in the volume. Draw it on the volume that is segmented.")
@@ -198,7 +202,7 @@ def _within(drawn: Markups, geometry: Geometry, what: str) -> Markups:
 
 
 def _check_points(markups: list[dict[str, Any]], path: Path) -> None:
-    """Raise InputError where control points lie around a structure: they would be taken for points on it."""
+    """Raise InputError for markups whose control points lie around a structure, since these would be taken for points on it."""
     kind = next((markup["type"] for markup in markups if markup.get("type") in _ENCLOSING), None)
     if kind is not None:
         raise InputError(
@@ -220,12 +224,11 @@ def classes_from_markups(positive: dict[str, Path], negative: dict[str, Path], g
 
     Args:
         positive: file of each class: its points, lines across it, or closed curves around it.
-        negative: of some of them: points that are not of the class.
-        geometry: of the annotated volume. Points that stand for what is outside a line or a curve, and lie beyond the volume,
-            are left out.
+        negative: files of some of these classes, with points outside the class.
+        geometry: of the annotated volume. Outside points of lines and curves that lie beyond the volume are left out.
 
     Raises:
-        InputError: a negative list belongs to no class or has lines or curves, or a file is not a markups file.
+        InputError: a negative list belongs to no class or has lines or curves, or a file is refused by `read_markups`.
     """
     strangers = sorted(negative.keys() - positive.keys())
     if strangers:
@@ -287,14 +290,14 @@ def _to_ras_matrix(coordinate_system: Any, geometry: Geometry, path: Path) -> np
 
 def _markups_to_ras(markup: dict[str, Any], path: Path) -> np.ndarray:
     units = markup.get("coordinateUnits") or "mm"
-    # As a text, or as a code of UCUM with the name of that scheme and a meaning.
+    # Either a string, or a list of a UCUM code, the name of that coding scheme, and the code's meaning.
     if (units[0] if isinstance(units, list) else units) != "mm":
         raise InputError(
             f"{path} gives its positions in the unit {shown(units)}; expected millimetres ('mm'). Save the point list in a "
             "scene of Slicer whose unit of length is that."
         )
     system = markup.get("coordinateSystem", "LPS")
-    # Early files of the format number the systems.
+    # Early files of the format have numbers for the coordinate systems.
     matrices = {"LPS": LPS_TO_RAS, "RAS": np.eye(4), "1": LPS_TO_RAS, "0": np.eye(4)}
     if str(system) not in matrices:
         raise InputError(f"{path}: unknown coordinate system {shown(system)}; expected LPS or RAS.")
@@ -302,7 +305,7 @@ def _markups_to_ras(markup: dict[str, Any], path: Path) -> np.ndarray:
 
 
 def _as_size(size: Any, name: str) -> Any:
-    """Accepts a name; numbers are checked by `ClassRequest`."""
+    """Replace a named size by its number; numbers are checked by `ClassRequest`."""
     if not isinstance(size, str):
         return size
     if size not in NAMED_SIZES:
@@ -314,7 +317,7 @@ def _as_size(size: Any, name: str) -> Any:
 
 
 def _as_close_up(close_up: Any, to_ras: np.ndarray, name: str) -> CloseUp:
-    """Accepts a box by its centre, in the file's coordinate system, and its edges along the volume's axes."""
+    """Parse a box that is given by its centre, in the file's coordinate system, and its edges along the volume's axes."""
     if not isinstance(close_up, dict) or close_up.keys() != {"center", "size_mm"}:
         raise InputError(
             f"'close_up' of class '{name}' is {shown(close_up)}; expected true, for a box that is chosen from the points, or "
@@ -330,7 +333,7 @@ def _as_close_up(close_up: Any, to_ras: np.ndarray, name: str) -> CloseUp:
 
 
 def _as_color(color: Any, name: str) -> Color:
-    """Accepts three numbers in [0, 1] or "#rrggbb"."""
+    """Parse a colour that is given as three numbers in [0, 1] or as "#rrggbb"."""
     if isinstance(color, str) and len(color) == 7 and color.startswith("#"):
         try:
             red, green, blue = (int(color[i : i + 2], 16) / 255.0 for i in (1, 3, 5))

@@ -1,4 +1,4 @@
-"""The occupied cells of a bilateral grid: what the voxels in them sum to, and which are neighbours of which."""
+"""The occupied cells of a bilateral grid: sums over the voxels in each, and their neighbours."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .workers import Workers
 
 MAX_PACKED_VOXELS = 2**11
-"""In a cell. Beyond, float64 has too few bits for their number and the sum of their targets."""
+"""Largest number of voxels in a cell for which float64 has enough bits for both their number and the sum of their targets."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +30,8 @@ class Target:
     """The map that is refined, all of it finite.
 
     Attributes:
-        read: from a piece of the volume to the target there, (slices, rows, I).
-        largest: no voxel's magnitude is greater.
+        read: returns the target in a piece of the volume, (slices, rows, I).
+        largest: upper bound of all magnitudes.
     """
 
     read: Callable[[Piece], Tensor]
@@ -40,14 +40,15 @@ class Target:
 
 @dataclass(frozen=True, eq=False)
 class OccupiedCells:
-    """Cells that hold voxels, numbered: red ones first, each colour by layer, and by place within a layer.
+    """The cells that hold voxels, in this order: red before black, then by layer, then by place within the layer.
 
     Attributes:
-        mass: (cells,) voxels in each cell.
+        mass: (cells,) number of voxels in each cell.
         confidence: (cells,) sum over each cell's voxels.
         weighted_target: (cells,) sum of confidence × target over each cell's voxels.
-        red_cells: how many cells are red.
-        neighbours: (8, cells) int32: numbers of each cell's neighbours along the four axes; the number of cells where none is.
+        red_cells: number of red cells.
+        neighbours: (8, cells) int32, indices of each cell's neighbours along the four axes; for a missing neighbour, the number
+            of cells.
     """
 
     mass: Tensor
@@ -57,7 +58,7 @@ class OccupiedCells:
     neighbours: Tensor
 
     def neighbour_sum(self, values: Tensor, cells: slice) -> Tensor:
-        """Sum of `values` (cells + 1,), whose last is the 0 of all cells that do not exist, over the neighbours of `cells`."""
+        """Sum of `values` (cells + 1,) over the neighbours of `cells`; the last value is 0, for missing neighbours."""
         first, *others = self.neighbours[:, cells]
         total = values.index_select(0, first)
         for along in others:
@@ -72,7 +73,7 @@ class CellPlaces:
     Attributes:
         layout: the dense grid.
         in_grid: (cells,) int32: each cell's place in the dense grid.
-        of_layers: the numbers of each layer's red cells and of its black cells.
+        of_layers: for each layer, the range of its red cells and that of its black cells.
     """
 
     layout: GridLayout
@@ -80,18 +81,18 @@ class CellPlaces:
     of_layers: Sequence[tuple[slice, slice]]
 
     def dense(self, layers: slice, values: Tensor, elsewhere: float = 0.0) -> Tensor:
-        """(layers · layer size,): `values` (cells,) where cells are occupied; in layers beyond the grid, none are."""
+        """(layers · layer size,): `values` (cells,) in occupied cells, and `elsewhere` in all others, also beyond the grid."""
         dense = values.new_full(((layers.stop - layers.start) * self.layout.layer_size,), elsewhere)
         self.put(layers, values, dense)
         return dense
 
     def put(self, layers: slice, values: Tensor, dense: Tensor) -> None:
-        """Write `values` (cells,) to where the occupied cells lie in some dense layers."""
+        """Write `values` (cells,) to the places of the occupied cells in some dense layers."""
         for cells, places in self.in_layers(layers):
             dense.scatter_(0, places, values[cells])
 
     def in_layers(self, layers: slice) -> list[tuple[slice, Tensor]]:
-        """The numbers of some layers' red cells and of their black ones, and their places from the first layer on, int64."""
+        """The ranges of some layers' red and black cells, each with their places from the first of these layers on, int64."""
         import torch
 
         within = self.of_layers[max(layers.start, 0) : max(layers.stop, 0)]
@@ -105,7 +106,7 @@ class CellPlaces:
 def splat(
     voxel_cells: VoxelCells, target: Target, confidence: Tensor | None, workers: Workers
 ) -> tuple[OccupiedCells, CellPlaces]:
-    """Sum a finite target and its confidence (K, J, I) over cells; without confidence, every voxel counts 1."""
+    """Sum a finite target and its confidence (K, J, I) over cells; without confidence, every voxel has 1."""
     (in_grid, mass, weighted_target, *rest), counts = _occupied(voxel_cells, target, confidence, workers)
     ends = [0, *itertools.accumulate(counts)]
     numbers = [slice(*ends_of_part) for ends_of_part in itertools.pairwise(ends)]
@@ -118,9 +119,9 @@ def splat(
 def _occupied(
     voxel_cells: VoxelCells, target: Target, confidence: Tensor | None, workers: Workers
 ) -> tuple[list[Tensor], list[int]]:
-    """Places of the occupied cells and what their voxels sum to, (cells,) each; and how many there are by colour and layer.
+    """Places of the occupied cells and sums over their voxels, (cells,) each; and the number of cells by colour and layer.
 
-    Cells come in that order. The sums are of 1, of confidence × target and, where given, of confidence.
+    Cells are in the order of `OccupiedCells`. The sums are of 1, of confidence × target and, if given, of confidence.
     """
     import torch
 
@@ -154,9 +155,9 @@ def _occupied(
 
 
 def _packing_unit(voxel_cells: VoxelCells, largest_target: float) -> float | None:
-    """What stands for one voxel where a cell's voxels and their targets are summed in the same number; None where they cannot.
+    """The unit that counts voxels, if a cell's voxels and their targets are summed in one number; None if they cannot be.
 
-    The unit is so large that targets never add up to half of one, and float64 still has 28 bits for their sum.
+    It is so large that targets never add up to half of it, and float64 still has 28 bits for their sum.
     """
     most_voxels = math.prod(voxel_cells.layout.cell_voxels)
     # Apple's GPUs have no float64.
@@ -166,7 +167,7 @@ def _packing_unit(voxel_cells: VoxelCells, largest_target: float) -> float | Non
 
 
 def _packed_sums(voxel_cells: VoxelCells, layers: slice, target: Target, unit: float) -> Tensor:
-    """(layers · layer size,) float64: sum over the layers' voxels in each place of `unit` + target."""
+    """(layers · layer size,) float64: for each place, the sum of `unit` + target over the voxels in it."""
     import torch
 
     layout = voxel_cells.layout
@@ -174,15 +175,15 @@ def _packed_sums(voxel_cells: VoxelCells, layers: slice, target: Target, unit: f
     sums = torch.zeros(places, dtype=torch.float64, device=voxel_cells.intensities.device)
     for piece in voxel_cells.pieces(layout.slices(layers)):
         keys = voxel_cells.keys(piece, voxel_cells.taking_part(piece), layers.start).view(-1).to(torch.int64)
-        # One addition to memory for each voxel, where `_separate_sums` makes two.
+        # One addition to memory for each voxel, instead of two as in `_separate_sums`.
         sums.scatter_add_(0, keys, target.read(piece).reshape(-1).to(torch.float64).add_(unit))
-    # What was counted into padding takes no part.
+    # Voxels that take no part were added to the padding.
     sums[layout.layer_size - 1] = 0.0
     return sums
 
 
 def _unpacked(sums: Tensor, unit: float) -> list[Tensor]:
-    """Voxels of each cell, and sum of their targets; float32."""
+    """The number of voxels of each cell and the sum of their targets, both float32."""
     import torch
 
     voxels = (sums / unit).round_()
@@ -190,7 +191,7 @@ def _unpacked(sums: Tensor, unit: float) -> list[Tensor]:
 
 
 def _separate_sums(voxel_cells: VoxelCells, layers: slice, target: Target, confidence: Tensor | None) -> list[Tensor]:
-    """As `_packed_sums`, but separate sums of 1, of confidence × target and, where given, of confidence."""
+    """Like `_packed_sums`, but separate sums of 1, of confidence × target and, if given, of confidence."""
     import torch
 
     layout, device = voxel_cells.layout, voxel_cells.intensities.device
@@ -211,8 +212,8 @@ def _separate_sums(voxel_cells: VoxelCells, layers: slice, target: Target, confi
 
 
 def _places_of_colour(first_layer: int, colour: int, mass: Tensor) -> Tensor:
-    """int64, ascending: places, from a layer on, of the occupied cells that are red (0) or black (1)."""
-    # Layers have an odd size, so that this holds for those after the first as well.
+    """Places, from a layer on, of the occupied cells that are red (0) or black (1); int64, ascending."""
+    # Layers have an odd size, so that colours alternate from one layer to the next as well.
     first = (first_layer + colour) % 2
     of_colour = mass[first::2]
     if mass.device.type == "cpu":
@@ -224,7 +225,7 @@ def _places_of_colour(first_layer: int, colour: int, mass: Tensor) -> Tensor:
 
 
 def _neighbours(places: CellPlaces, workers: Workers) -> Tensor:
-    """(8, cells) int32: numbers of the cells before and after each along every axis."""
+    """Indices of the cells before and after each cell along every axis, (8, cells) int32."""
     import torch
 
     layout, device = places.layout, places.in_grid.device
@@ -236,7 +237,7 @@ def _neighbours(places: CellPlaces, workers: Workers) -> Tensor:
     def find(runs: Sequence[slice]) -> None:
         for layers in runs:
             workers.between()
-            # One layer more on either side; beyond a row, a column or a layer's last row is padding.
+            # One more layer on either side; rows and columns end with padding.
             around = places.dense(slice(layers.start - 1, layers.stop + 1), numbers, elsewhere=cells)
             for of_colour, at in places.in_layers(layers):
                 for along, step in zip(neighbours, steps, strict=True):

@@ -1,28 +1,29 @@
 """The energy of the bilateral solver, as a linear system over the cells of a grid, and its minimum.
 
-Of all maps x over the voxels of a volume, the one is sought that minimises
+The solution is the map x over the voxels of a volume that minimises
 
     λ/2 · Σ_ij W_ij (x_i − x_j)²  +  Σ_i c_i (x_i − t_i)²,
 
-where t is the target (the map to be refined), c ≥ 0 its confidence, and W the bistochastised bilateral affinity: large between
-voxels near each other in space and in intensity, with every row's sum 1 (Barron & Poole 2016, Eq. 1–3).
+where t is the target (the map to be refined), c ≥ 0 its confidence, and W the bistochastised bilateral affinity, which is large
+between voxels near each other in space and in intensity, and whose rows sum to 1 (Barron & Poole 2016, Eq. 1–3).
 
 **Grid.** W is approximated by Sᵀ Dm⁻¹ Dn B Dn Dm⁻¹ S: S sums voxels over the cells of a bilateral grid, Dm holds the voxels m
-of each cell, and B blurs the grid with [1 2 1] along each axis, summed over axes (Barron et al. 2015). All voxels of a cell
-share one value y, so that the minimum solves (λ (Dm − Dn B Dn) + diag(S c)) y = S (c t), with one unknown for each occupied
-cell. Slicing gives each voxel the multilinear mean of the cells around it, where the value of its own cell alone would show the
-cells as blocks.
+of each cell, and B blurs the grid with [1 2 1] along each axis, summed over axes (Barron et al. 2015). All voxels of a
+cell share one value y, so that the minimum solves (λ (Dm − Dn B Dn) + diag(S c)) y = S (c t), with one unknown for each
+occupied cell. Slicing gives each voxel the multilinear mean of the cells around it, since with the value of its own cell
+alone the cells would be visible as blocks.
 
-**Bistochastisation.** Dn is sought so that n · B n = m, by n ← √(n m / B n). One step brings n near; then m is *set* to
-n · B n, which makes Dm − Dn B Dn the Laplacian of a graph whatever the number of steps: constant maps cost nothing.
+**Bistochastisation.** Dn should satisfy n · B n = m, which n ← √(n m / B n) iterates to. One step brings n close; then m is
+*set* to n · B n. This makes Dm − Dn B Dn the Laplacian of a graph whatever the number of steps, so that constant maps have no
+smoothness cost.
 
-**Reduction.** B = 8 I + N, where N sums a cell's 8 neighbours. The 8 I cancels between Dm and Dn B Dn (here on paper, not in
-rounded numbers), which leaves (D − λ Dn N Dn) y = S (c t) with the diagonal D = λ n · N n + S c. Scaled symmetrically by D^-½
-(Jacobi), with z = D^½ y and f = D^-½ S (c t), it is (1 − E) z = f, where E = Dg N Dg and g = n √(λ / D). Neighbours differ in
-colour, as on a chessboard, so that E takes red cells to black ones and back. Eliminating the black ones leaves
-(1 − E_rb E_br) z_r = f_r + E_rb f_b for the red ones, symmetric and positive definite, which conjugate gradients solve in half
-of the iterations, each on half of the cells. What they leave of the right-hand side is added to z_r at the end: the eigenvalues
-lie in (0, 1], so that this shrinks what is left of the error.
+**Reduction.** B = 8 I + N, where N sums a cell's 8 neighbours. The 8 I cancels between Dm and Dn B Dn (analytically, without
+rounding errors), which leaves (D − λ Dn N Dn) y = S (c t) with the diagonal D = λ n · N n + S c. Scaled symmetrically by D^-½
+(Jacobi), with z = D^½ y and f = D^-½ S (c t), it is (1 − E) z = f, where E = Dg N Dg and g = n √(λ / D). Neighbours have
+different colours, as on a chessboard, so that E maps red cells to black ones and vice versa. Eliminating the black ones leaves
+(1 − E_rb E_br) z_r = f_r + E_rb f_b for the red ones. This system is symmetric and positive definite, and conjugate gradients
+solve it in half of the iterations, each on half of the cells. Their residual is added to z_r at the end: since the eigenvalues
+lie in (0, 1], this reduces the remaining error.
 
 References:
     Barron, Adams, Shih, Hernández: Fast bilateral-space stereo for synthetic defocus. CVPR 2015.
@@ -47,26 +48,28 @@ if TYPE_CHECKING:
     from .workers import Workers
 
 BISTOCHASTISATION_STEPS = 1
-"""Each costs as much as an iteration. One brings the benchmark's map to an RMS of 5e-5 from complete bistochastisation's."""
+"""Each costs as much as an iteration. After one, the benchmark's map is within an RMS of 5e-5 of that of complete
+bistochastisation."""
 CONFIDENCE_FLOOR = 1e-3
-"""Of the largest mean confidence of a cell: a cell with less believes the target's mean this much, so that it has an answer."""
+"""As a share of the largest mean confidence of a cell. A cell with less gets the rest as confidence in the mean of all targets,
+so that its value is determined."""
 MAX_SMOOTHNESS = 1e4
-"""Times the largest mean confidence. Beyond, connected cells are equal to 4 digits, and rounding errors no smaller."""
+"""As a multiple of the largest mean confidence. Beyond, connected cells are equal to 4 digits, and rounding errors as large."""
 MAX_FLOAT32_RATIO = 300.0
-"""Of λ m to c in any cell. Where more, float32 no longer gives 4 digits, and the system is solved in float64."""
+"""Largest ratio of λ m to c in a cell for float32. Beyond, it no longer gives 4 digits, and the system is solved in float64."""
 CHUNK_CELLS = 2**16
-"""Cells whose neighbours are visited at a time: what is read for all eight of them stays in the processor's cache."""
+"""Number of cells whose neighbours are summed at a time, so that the values that are read stay in the processor's cache."""
 
 
 @dataclass(frozen=True, eq=False)
 class CellSolution:
-    """The value of every cell, and how it was reached.
+    """The value of every cell, and how it was computed.
 
     Attributes:
         values: (cells,) float32.
-        iterations: of conjugate gradients.
-        residual: norm of what conjugate gradients leave of the equation, relative to its right-hand side.
-        smoothness: λ, at most `MAX_SMOOTHNESS`.
+        iterations: number of iterations of conjugate gradients.
+        residual: norm of the residual of conjugate gradients, relative to the right-hand side.
+        smoothness: λ that was used, which is limited by `MAX_SMOOTHNESS`.
     """
 
     values: Tensor
@@ -78,7 +81,7 @@ class CellSolution:
 def solve_cells(
     cells: OccupiedCells, smoothness: float, max_iterations: int, tolerance: float, workers: Workers
 ) -> CellSolution:
-    """Minimise the energy over cells, one of which at least has confidence."""
+    """Minimise the energy over cells, at least one of which has confidence."""
     import torch
 
     lowest, highest = (float(c) for c in torch.aminmax(cells.confidence / cells.mass))
@@ -89,7 +92,7 @@ def solve_cells(
         dtype = _float64_if_any(cells.mass.device)
     mean = cells.weighted_target.sum(dtype=dtype) / cells.confidence.sum(dtype=dtype)
     mass, confidence = cells.mass.to(dtype), cells.confidence.to(dtype)
-    # Solved for the deviation from the mean: rounding errors are relative to what is left.
+    # Solved for the deviation from the mean, to which rounding errors are then relative.
     weighted_target = cells.weighted_target - mean * confidence
     if lowest < floor:
         confidence = torch.maximum(confidence, floor * mass)
@@ -107,7 +110,7 @@ def solve_cells(
 
     graph.each_sum(n, graph.all, set_up)
     solution, iterations, residual = _solve_by_colour(graph, coupling, right_hand_side, max_iterations, tolerance)
-    # The exact solution keeps to the range of its target; an inexact one is made to.
+    # The exact solution stays within the range of the target; an inexact one is clamped to it.
     deviations = solution.div_(scale).clamp_(lowest_target, highest_target)
     return CellSolution(deviations.add_(mean).to(torch.float32), iterations, residual, smoothness)
 
@@ -115,12 +118,12 @@ def solve_cells(
 def _float64_if_any(device: torch.device) -> torch.dtype:
     import torch
 
-    # Apple's GPUs have none.
+    # Apple's GPUs have no float64.
     return torch.float32 if device.type == "mps" else torch.float64
 
 
 class _Graph:
-    """The occupied cells, and sums over their neighbours that are shared out among workers."""
+    """The occupied cells, with sums over their neighbours that are divided among workers."""
 
     def __init__(self, cells: OccupiedCells, workers: Workers) -> None:
         self._cells = cells
@@ -130,7 +133,7 @@ class _Graph:
         self.black = slice(cells.red_cells, len(cells.mass))
 
     def each_sum(self, values: Tensor, of: slice, write: Callable[[slice, Tensor], None]) -> None:
-        """Call `write` with some of the cells `of`, and the sums of `values` over their neighbours, until all are done."""
+        """Call `write` with each chunk of the cells `of` and the sums of `values` over their neighbours."""
 
         def run(chunks: Sequence[slice]) -> None:
             for chunk in chunks:
@@ -140,7 +143,7 @@ class _Graph:
 
 
 def _chunks(cells: slice, shares: int) -> list[slice]:
-    """At most `CHUNK_CELLS` each; if more than one is needed, as many as give every share equally many."""
+    """Chunks of at most `CHUNK_CELLS`; if more than one is needed, their number is a multiple of the number of shares."""
     count = cells.stop - cells.start
     chunks = max(1, -(-count // CHUNK_CELLS))
     if chunks > 1:
@@ -150,10 +153,10 @@ def _chunks(cells: slice, shares: int) -> list[slice]:
 
 
 def _bistochastised(graph: _Graph, mass: Tensor) -> Tensor:
-    """(cells + 1,) n, such that n · B n is nearly the mass; its last is the 0 of all cells that do not exist."""
+    """n, (cells + 1,), such that n · B n is nearly the mass; the last value is 0, for neighbours that do not exist."""
     from torch.nn.functional import pad
 
-    # Exact where a cell and its neighbours hold equally many voxels.
+    # Exact if a cell and its neighbours hold the same number of voxels.
     n = pad((mass / (4 * DIMENSIONS)).sqrt_(), (0, 1))
     for _ in range(BISTOCHASTISATION_STEPS):
         n = _balanced(graph, mass, n)
@@ -161,7 +164,7 @@ def _bistochastised(graph: _Graph, mass: Tensor) -> Tensor:
 
 
 def _balanced(graph: _Graph, mass: Tensor, n: Tensor) -> Tensor:
-    """√(n m / B n), and the last 0."""
+    """√(n m / B n), followed by a 0."""
     import torch
 
     balanced = torch.zeros_like(n)
@@ -177,7 +180,7 @@ def _balanced(graph: _Graph, mass: Tensor, n: Tensor) -> Tensor:
 def _solve_by_colour(
     graph: _Graph, coupling: Tensor, right_hand_side: Tensor, max_iterations: int, tolerance: float
 ) -> tuple[Tensor, int, float]:
-    """Solve (1 − E) z = f, E = Dg N Dg: conjugate gradients for the red cells, from which the black ones follow."""
+    """Solve (1 − E) z = f, E = Dg N Dg, by conjugate gradients for the red cells, from which the black ones follow."""
     import torch
 
     red, black = graph.red, graph.black
@@ -215,8 +218,8 @@ def _conjugate_gradients(
 ) -> tuple[Tensor, int, float]:
     """Solve a symmetric system with eigenvalues in (0, 1]; return the solution, the iterations and the relative residual.
 
-    The residual is the one before what it leaves is added to the solution, a step of Richardson's iteration: that shrinks every
-    part of the error, and costs nothing as nobody needs the residual after it.
+    At the end, the residual is added to the solution, which is a step of Richardson's iteration: it reduces every component of
+    the error, and costs nothing, since the residual after it is not needed. The returned residual is that before the step.
     """
     import torch
 
@@ -229,7 +232,7 @@ def _conjugate_gradients(
     while squared > goal and iterations < max_iterations:
         applied = apply(direction)
         curvature = _dot(direction, applied)
-        # Positive by construction; rounding can end that only where nothing is left to gain.
+        # Positive by construction; rounding errors can change this only when the solution cannot be improved any more.
         if not curvature > 0.0:
             break
         step = squared / curvature

@@ -1,8 +1,8 @@
-"""The bilateral solver in 3D: smooths a map of similarity within structures and not across their edges in the image.
+"""The bilateral solver in 3D: smooths a map of similarity within structures, but not across their edges in the image.
 
 The map becomes the target of an energy (`bilateral_energy`, with all equations), which is minimised over the cells of a
-bilateral grid (`bilateral_grid`): voxels near each other in space and in intensity share a cell. Voxels are summed into cells
-(`bilateral_cells`), and read the result from the cells around them (`bilateral_slice`).
+bilateral grid (`bilateral_grid`). Voxels that are near each other in space and in intensity share a cell. They are summed into
+cells (splat, `bilateral_cells`), and the solution is interpolated from the cells back to voxels (slice, `bilateral_slice`).
 """
 
 from __future__ import annotations
@@ -35,14 +35,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class BilateralSolverSettings:
-    """What the solver smooths over, how much, and how far it iterates.
+    """The extent and weight of smoothing, and when iterations stop.
 
     Attributes:
-        sigma_spatial_mm: distance over which voxels count as near, millimetres; rounded to whole voxels along each axis.
-        sigma_luma: difference of intensity over which voxels count as alike, as a fraction of the intensity window.
+        sigma_spatial_mm: scale of distances between voxels, millimetres; rounded to whole voxels along each axis.
+        sigma_luma: scale of differences in intensity, as a fraction of the intensity window.
         smoothness: λ, the weight of smoothness against agreement with the target.
-        max_iterations: of conjugate gradients.
+        max_iterations: largest number of iterations of conjugate gradients, at least 1.
         tolerance: residual, relative to the right-hand side, at which the iteration stops.
+
+    Raises:
+        InputError: a value is out of its range.
     """
 
     sigma_spatial_mm: float = 6.0
@@ -62,17 +65,17 @@ class BilateralSolverSettings:
 
 @dataclass(frozen=True, eq=False)
 class BilateralSolution:
-    """A refined map, and how it was reached.
+    """A refined map, and how it was computed.
 
     Attributes:
         map: (K, J, I) float32, within the range of the target.
-        converged: whether the residual came below the tolerance.
-        iterations: of conjugate gradients.
-        residual: norm of what conjugate gradients leave of the equation, relative to its right-hand side, in the Jacobi
-            scaling. The map is a little better than it says: what is left is added to it.
-        cells: occupied cells, the unknowns; 0 where there was nothing to solve.
-        smoothness: λ that was used; below the one asked for where that was beyond `MAX_SMOOTHNESS`.
-        cell_voxels: voxels along the edges of the grid's cells, (K, J, I): what `sigma_spatial_mm` was rounded to.
+        converged: whether the residual is at most the tolerance; also true if there was nothing to solve.
+        iterations: number of iterations of conjugate gradients.
+        residual: norm of the residual of conjugate gradients, relative to the right-hand side, in the Jacobi scaling. The
+            map is a little more accurate, since this residual is added to the solution.
+        cells: number of occupied cells, the unknowns; 0 if there was nothing to solve.
+        smoothness: λ that was used, which is limited by `MAX_SMOOTHNESS`.
+        cell_voxels: edges of the grid's cells along (K, J, I) in voxels, from rounding `sigma_spatial_mm`.
     """
 
     map: Tensor
@@ -95,21 +98,22 @@ def refine_map(
     in_place: bool = False,
     from_end: tuple[bool, bool, bool] = (False, False, False),
 ) -> BilateralSolution:
-    """Bring a coarse map to the resolution and to the edges of the volume that it describes.
+    """Refine a coarse map to the resolution and the edges of the volume that it describes.
 
     Args:
-        low_resolution_map: (K', J', I'), filling the same box as the volume; where not finite, it is not known.
+        low_resolution_map: (K', J', I'), of the same box as the volume; values that are not finite are unknown.
         intensities: (K, J, I), any real dtype; voxels that are not finite keep the interpolated map.
-        window: the intensities between which differences count.
+        window: lowest and highest intensity; differences beyond these have no effect.
         spacing_mm: of the volume, along (K, J, I).
-        settings: default values where None.
-        threshold: solve only near where the map exceeds this; elsewhere it is interpolated. None solves everywhere.
+        settings: None for the default values.
+        threshold: solve only near voxels at which the map exceeds this; elsewhere it is interpolated. None solves everywhere.
         between: called between short steps; may raise `Cancelled`.
-        in_place: write the solution into the map, which has to be finite and have the volume's resolution.
-        from_end: along (K, J, I), whether the grid's cells begin with the volume's last voxel.
+        in_place: write the solution into the map, which must be finite and have the volume's resolution.
+        from_end: along (K, J, I), whether the grid's cells begin at the volume's last voxel.
 
     Raises:
-        InputError: something about the volume, the window or the settings cannot be used.
+        InputError: a shape, the spacing or the window is invalid, or no voxel of the map is finite.
+        Cancelled: by `between`.
     """
     _check_volume("low-resolution map", low_resolution_map)
     _check_volume("volume", intensities)
@@ -137,18 +141,18 @@ def solve_bilateral(
 ) -> BilateralSolution:
     """Minimise the energy for a target that has the volume's resolution.
 
-    The product refines low-resolution maps (`refine_map`). This shows the solver by itself, to tests and benchmarks.
+    Only tests and benchmarks use this, to examine the solver by itself; the product refines low-resolution maps (`refine_map`).
 
     Args:
-        target: (K, J, I); where not finite, it has no confidence.
+        target: (K, J, I); values that are not finite get confidence 0.
         luma: (K, J, I), intensity in units of its window, clamped to [0, 1]; voxels that are not finite keep the target.
-        confidence: (K, J, I), not negative; None for 1.
+        confidence: (K, J, I), finite and not negative; None for 1 everywhere.
         spacing_mm: along (K, J, I).
-        settings: default values where None.
-        threshold: solve only near where the target exceeds this, and keep it elsewhere. None solves everywhere.
+        settings: None for the default values.
+        threshold: solve only near voxels at which the target exceeds this, and keep it elsewhere. None solves everywhere.
 
     Raises:
-        InputError: shapes differ, or a value is out of its range.
+        InputError: shapes differ, a value is out of its range, or no voxel of the target is finite.
     """
     import torch
 
@@ -161,7 +165,8 @@ def solve_bilateral(
     settings = settings or BilateralSolverSettings()
     layout = _layout(luma, spacing_mm, settings)
     active = None if threshold is None else _active_cells(target, threshold, layout)
-    # The same energy but for a factor: single precision has no squares of tiny confidences, and no sums of huge ones.
+    # Dividing the energy by a factor does not change its minimum. Without it, squares of tiny confidences and sums of huge ones
+    # would exceed the range of single precision.
     unit = (0.0 if confidence is None else float(confidence.max())) or 1.0
     confidence = None if confidence is None else confidence / unit
     settings = replace(settings, smoothness=min(settings.smoothness / unit, MAX_SMOOTHNESS))
@@ -193,12 +198,12 @@ def _layout(
 
 
 def _active_cells(where: Tensor, threshold: float, layout: GridLayout, between: Between = nothing_between) -> Tensor:
-    """(K, J, I) bool over spatial cells: whether a map of any resolution exceeds the threshold in or beside the cell."""
+    """For each spatial cell, (K, J, I) bool: whether a map of any resolution exceeds the threshold in the cell or beside it."""
     import torch
 
     first, last = _reach(where.shape[0], layout.cells[0])
     above = torch.zeros((layout.cells[0], *where.shape[1:]), dtype=torch.bool, device=where.device)
-    # Plane by plane: compared at once, a map as large as the volume would take a quarter of its memory once more.
+    # Plane by plane, since comparing all at once would take another quarter of the memory of a map as large as the volume.
     for k, plane in enumerate(where):
         between()
         of_plane = plane > threshold
@@ -217,13 +222,13 @@ def _active_cells(where: Tensor, threshold: float, layout: GridLayout, between: 
 
 
 def _reach(elements: int, cells: int) -> tuple[np.ndarray, np.ndarray]:
-    """The first and the last of a map's elements along an axis that lie in each cell or in those beside it, (cells,) each."""
+    """For each cell along an axis, (cells,): the first and the last of a map's elements in it or in the cells beside it."""
     cell = np.arange(cells)
     return np.maximum(cell - 1, 0) * elements // cells, -(-np.minimum(cell + 2, cells) * elements // cells) - 1
 
 
 def _without_unknown_voxels(target: Tensor, confidence: Tensor | None) -> tuple[Target, Tensor | None]:
-    """The target, where voxels that are not finite have the lowest value that is; and confidence, which these have none of."""
+    """Replace voxels that are not finite by the lowest finite value, and give them confidence 0."""
     import torch
 
     if not large_arrays.all_finite(target):
@@ -236,7 +241,7 @@ def _without_unknown_voxels(target: Tensor, confidence: Tensor | None) -> tuple[
 
 
 def _largest(target: Tensor) -> float:
-    """The greatest magnitude."""
+    """The largest magnitude."""
     return max(abs(float(extreme)) for extreme in large_arrays.extremes(target))
 
 
@@ -260,7 +265,7 @@ def _refine(
     unsolved = BilateralSolution(refined, True, 0, 0.0, 0, settings.smoothness, layout.cell_voxels)
     region = refined
     if active is not None:
-        # What is not near the structure keeps the target.
+        # Voxels that are not near the structure keep the target.
         if out is None:
             _read_all(target, refined, layout, workers)
         cropped = _cropped(layout, active)
@@ -277,7 +282,7 @@ def _refine(
             _read_all(target, region, layout, workers)
         return unsolved
     solution = solve_cells(cells, settings.smoothness, settings.max_iterations, settings.tolerance, workers)
-    # Memory for the map, which is written now.
+    # Frees memory for the map, which is written now.
     del cells
     slice_multilinear(voxel_cells, places, solution.values, target, region, workers)
     return replace(
@@ -301,7 +306,7 @@ def _read_all(target: Target, out: Tensor, layout: GridLayout, workers: Workers)
 
 
 def _cropped(layout: GridLayout, active: Tensor) -> tuple[Box, GridLayout, Tensor] | None:
-    """The smallest box of voxels that holds all active cells; its own layout, and its active cells. None where none is."""
+    """The smallest box of voxels that holds all active cells, its layout, and its active cells; None if no cell is active."""
     cells = bounding_box(array_of(active.cpu()))
     if cells is None:
         return None
