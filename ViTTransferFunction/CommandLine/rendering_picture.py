@@ -231,7 +231,7 @@ def _reach(structures: StructureVolume, around: Surroundings) -> np.ndarray:
 
 
 def add_lights(renderer: vtkRenderer) -> None:
-    """Add lights that move with the camera: a warm key light from the upper left, a cool fill from the right, a faint one below."""
+    """Add lights that move with the camera: a warm key light at the upper left, a cool fill at the right, a faint one below."""
     renderer.AutomaticLightCreationOff()
     for position, intensity, color in (
         ((-0.5, 0.7, 1.0), 1.3, (1.0, 0.98, 0.95)),

@@ -1,15 +1,15 @@
-"""Who may use the app: whoever has the address that `vittf app` printed, from one browser at a time.
+"""Controls access to the app: it is limited to people with the address that `vittf app` printed, one browser at a time.
 
-Other users of the computer, and pages of other sites in the user's own browser, can reach the port as well. What they are kept
-out by:
+Other users of the computer, and pages of other sites in the user's own browser, can reach the port as well. They are kept out
+by the following:
 
-- Everything lies below a random token in the path, so nothing is found without the printed address. It is in the path, since a
-  cookie goes to every port of its host, so to the servers of other users of the computer too, unless its path is a secret.
-- The first browser that comes gets a cookie, and the session is its own (`BrowserSession`). An address that others saw later,
-  in the list of processes say, is of no use to them while it is in use.
-- The `Host` of a request has to be an address of numbers, or a name of this computer: a page of another site whose name was
-  made to lead here (DNS rebinding) sends its own name.
-- Websockets, and whatever changes something, have to come from a page of this server: their `Origin` says so.
+- All paths begin with a random token, so nothing is found without the printed address. The token is in the path because a
+  cookie is sent to every port of its host, including the servers of other users of the computer, unless its path is secret.
+- The first browser gets a cookie, and owns the session (`BrowserSession`). Others who see the address later, for example in the
+  list of processes, cannot use it meanwhile.
+- The `Host` of a request must be an IP address or a name of this computer: a page of another site whose name was made to
+  resolve to this computer (DNS rebinding) sends its own name.
+- Websockets, and all requests that change something, must come from a page of this server, as their `Origin` says.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class Access:
-    """What stands between the network and trame's server.
+    """Lets requests from the network through to trame's server, or refuses them.
 
     Args:
         host: the name or address that the server listens at.
-        on_left: called in the server's loop once the browser's tab was closed and did not come back, or long after its
+        on_left: called in the server's loop when the browser's tab was closed and did not come back, or long after its
             connection broke.
-        on_entered: called there when a page is sent, which then is the one that has the session.
+        on_entered: called in the server's loop when the page is sent to a browser, which then owns the session.
     """
 
     def __init__(
@@ -54,18 +54,18 @@ class Access:
         on_entered: Callable[[], object] = lambda: None,
     ) -> None:
         self.host = host
-        # Without capitals, which trame's client loses where it connects again.
+        # Without capitals, which trame's client does not preserve when it reconnects.
         self.token = secrets.token_hex(TOKEN_BYTES)
         self._session = BrowserSession(on_left)
         self._on_entered = on_entered
         self._web_server: Any = None
-        # The computer's names are looked up in the network, which takes long where there is none.
+        # Looked up only if needed, because it queries the network, which takes long where there is none.
         of_this_computer = () if _is_loopback(host) else (socket.gethostname(), socket.getfqdn())
         self._names = {name.lower() for name in ("localhost", host, *of_this_computer)}
 
     @property
     def warning(self) -> str | None:
-        """What to tell the user where more than this computer can reach the server; None where that is not so."""
+        """Warning for the user if other computers can reach the server; otherwise None."""
         if _is_loopback(self.host):
             return None
         return (
@@ -75,20 +75,20 @@ class Access:
         )
 
     def address(self, port: int) -> str:
-        """The address that lets in: for the user alone."""
+        """The secret address that gives access, for the user only."""
         host = socket.gethostname() if _is_any(self.host) else self.host
         return f"http://{f'[{host}]' if ':' in host else host}:{port}{self.path()}"
 
     def path(self, name: str = "") -> str:
-        """The path of a route, `upload` say, as it is registered with the server; pages name it relatively, without this."""
+        """The path at which a route such as `upload` is registered with the server; pages use the relative path."""
         return f"/{self.token}/{name}"
 
     def install(self, server: Any) -> None:
-        """Put trame's server behind this door. To be called once, after all modules were enabled and before it starts."""
+        """Guard trame's server. To be called once, after all modules were enabled and before the server starts."""
         from trame_client.module import vue3
 
         server.enable_module(vue3)
-        # Trame's own page asks for all else, and for its websocket, relative to where it lies itself.
+        # Trame's page requests all other files and its websocket relative to its own path.
         server.serve = {f"{self.token}/{route}": folder for route, folder in server.serve.items()} | {self.token: vue3.www}
         server.cli.set_defaults(ws=f"{self.token}/ws")
 
@@ -99,20 +99,20 @@ class Access:
         server.controller.on_server_bind.add(bind)
 
     def cut_off(self) -> None:
-        """Break all connections off, whatever is being sent over them."""
+        """Abort all connections, even while data are sent."""
         for connection in self._web_server.runner.server.connections:
             if connection.transport is not None:
                 connection.transport.abort()
 
     async def listen_again(self, port: int) -> None:
-        """Listen anew at the same port, for new connections; those that there are go on."""
+        """Listen for new connections again, at the same port; existing connections continue."""
         runner = self._web_server.runner
         for site in runner.sites:
             await site.stop()
         await web.TCPSite(runner, self.host, port).start()
 
     def guard(self, app: web.Application, page: Path) -> None:
-        """Let requests to `app` through only as this file's first lines say; `page` is what the address shows."""
+        """Refuse requests to `app` by the rules in this file's first lines; `page` is the HTML file shown at the address."""
         html_of_page = _with_arrival(page.read_text(encoding="utf-8"))
 
         async def enter(request: web.Request) -> web.StreamResponse:
@@ -151,7 +151,7 @@ class Access:
         try:
             return await serve(request, handler)
         except ConnectionError:
-            # The browser was gone when it was to be answered, which is nothing to report.
+            # The browser was gone before it was answered, which need not be reported.
             return web.Response()
 
     def _is_named(self, host: str) -> bool:
@@ -160,9 +160,9 @@ class Access:
 
 
 def _with_arrival(page: str) -> str:
-    """Trame's page, as HTML, so that it is loaded anew where its connection breaks before all of it is there.
+    """Trame's page (HTML) with a script that reloads it if the connection breaks before the page is complete.
 
-    What trame would show until then is fetched, and may come over the page itself; what stands in the HTML does not.
+    Trame's own loading screen is fetched, and may arrive late and cover the page; the one in the HTML cannot.
     """
     script = (Path(__file__).parent / "static" / "arrival.js").read_text(encoding="utf-8")
     with_script = _LOADER.sub("", page).replace("<head>", f"<head><script>{script}</script>", 1)
@@ -174,7 +174,7 @@ async def _to_folder(request: web.Request) -> web.StreamResponse:
 
 
 async def _no_launcher(request: web.Request) -> web.StreamResponse:
-    """Answer the page, which asks for a launcher of servers first; where there is none it uses the server it comes from."""
+    """Tell the page, which first looks for a launcher of servers, that there is none, so that it uses this server."""
     return web.json_response(None)
 
 
@@ -215,13 +215,13 @@ def _is_any(host: str) -> bool:
 
 
 def _refusal(status: int, title: str, sentence: str) -> web.Response:
-    """A plain page; also what websockets and uploads get."""
+    """A plain page with a message; also the answer to websockets and uploads."""
     text = (
         '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="color-scheme" content="light dark">'
         f"<title>{html.escape(title)}</title>"
         '<body style="font: 1.1rem/1.5 system-ui, sans-serif; max-width: 34rem; margin: 18vh auto; padding: 0 1.5rem">'
         f'<h1 style="font-size: 1.5rem">{html.escape(title)}</h1><p>{html.escape(sentence)}</p></body></html>'
     )
-    # What somebody put into a header may be no text.
+    # A header may contain bytes that are no valid text.
     body, headers = text.encode(errors="replace"), {"Cache-Control": "no-store"}
     return web.Response(status=status, body=body, content_type="text/html", charset="utf-8", headers=headers)

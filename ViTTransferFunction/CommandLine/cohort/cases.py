@@ -1,4 +1,4 @@
-"""The cases of a cohort: a name, a volume and an annotations file each, from a table or from a folder."""
+"""Finds the cases of a cohort, each with a name, a volume and an annotations file, in a table or a folder."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ from ViTTransferFunction.Logic.files.image_formats import VOLUME_ENDINGS, image_
 logger = logging.getLogger(__name__)
 
 COLUMNS = ("case", "volume", "annotations")
-"""Of the table; it may have others as well."""
+"""Required columns of the table; it may have others as well."""
 SERIES_COLUMN = "series"
-"""Of the table, where volumes are folders with several DICOM series."""
+"""Optional column of the table, for volumes that are folders with several DICOM series."""
 FOLDER_ANNOTATIONS = "annotations.json"
-"""In a folder of DICOM files, where one `NAME.annotations.json` will do, too: panel and app call it after the series."""
+"""Annotations file in a folder of DICOM files. A single `NAME.annotations.json` is accepted as well, since panel and app name
+it after the series."""
 
 _ABOVE_HEADING = re.compile(r'(("?)sep=.?\2)?[\s,;]*', re.IGNORECASE)
-"""Lines of a table that may come before its heading: empty ones, and the one that tells Excel what separates the columns."""
+"""Lines that may precede a table's heading: empty ones, and the one that tells Excel the separator of columns."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +37,10 @@ class Case:
     """One volume of a cohort.
 
     Attributes:
-        name: unlike all others of the cohort; files are named after it, unless `name_problem` says why not.
+        name: unique in the cohort; files are named after it, unless there is a `name_problem`.
         volume: absolute path of an image, or of a folder with DICOM series.
         annotations: absolute path of an annotations file (`read_annotations`).
-        series: which of the folder's series, as `choose_series` takes it; None: the only one that can be a volume.
+        series: selects one of the folder's series, as for `choose_series`; None: the only one that can be a volume.
     """
 
     name: str
@@ -49,16 +50,16 @@ class Case:
 
 
 def read_cases(source: Path) -> list[Case]:
-    """The cases that a table lists, or that a folder holds.
+    """Read the cases that are listed in a table or contained in a folder.
 
     Args:
-        source: a CSV file with the columns `COLUMNS`, and perhaps `SERIES_COLUMN`, in which relative paths begin at the file's
-            own folder; or a folder, in which `scan.nii.gz` with `scan.annotations.json` is a case, and so is a folder of DICOM
-            files with an annotations file in it, or beside it under the folder's name.
+        source: a CSV file with the columns `COLUMNS` and optionally `SERIES_COLUMN`, whose relative paths refer to the file's
+            own folder; or a folder. In a folder, `scan.nii.gz` with `scan.annotations.json` is a case, and so is a folder of
+            DICOM files with an annotations file in it, or beside it with the folder's name.
 
     Raises:
-        InputError: there are no cases, the table lacks something, a name is there twice, or it is not certain which
-            annotations file is a volume's.
+        InputError: there are no cases, the table cannot be read or is incomplete, names are not unique, or the annotations file
+            of a volume, or the volume of one, is ambiguous or missing.
     """
     if source.is_dir():
         cases = list(_cases_in_folder(source.resolve()))
@@ -73,9 +74,9 @@ def read_cases(source: Path) -> list[Case]:
 
 
 def name_problem(name: str) -> str:
-    """Why no files may be named after a case, for users; "" where they may.
+    """Explain to users why files cannot be named after a case; "" if they can.
 
-    They must neither lead to another folder, nor be refused by some system, nor be formulas to a spreadsheet.
+    File names must neither lead to another folder, nor be refused by any operating system, nor be formulas to a spreadsheet.
     """
     fits = (name[:1].isalnum() or name[:1] == "_") and name[-1] not in ". "
     plain = all(character.isalnum() or character in "_-+., ()" for character in name)
@@ -88,7 +89,7 @@ def name_problem(name: str) -> str:
 
 
 def told_name(name: str) -> str:
-    """A name that cannot be a case's, as the table has it: without what no file can hold, and no formula."""
+    """A name with a `name_problem` as the table shows it: with unprintable characters escaped, and not as a formula."""
     text = "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in name)
     return f"'{text}'" if text.startswith(("=", "+", "-", "@")) else text
 
@@ -101,7 +102,7 @@ def _cases_in_table(path: Path) -> Iterator[Case]:
             "volumes with their points. One volume alone is segmented by `vittf segment`."
         )
     try:
-        # Spreadsheets put a mark in front of UTF-8.
+        # Spreadsheets write a byte order mark before UTF-8.
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise cannot_read(path, error) from error
@@ -109,9 +110,9 @@ def _cases_in_table(path: Path) -> Iterator[Case]:
         raise InputError(f"{path} is not text in UTF-8; save the table as 'CSV UTF-8'.") from error
     lines = text.split("\n")
     above = next((number for number, line in enumerate(lines) if not _ABOVE_HEADING.fullmatch(line)), 0)
-    # Where a comma is for decimals, spreadsheets separate by semicolons; what is copied out of them has tabs.
+    # Spreadsheets write semicolons in languages with decimal commas, and tabs where cells are copied.
     delimiter = max(",;\t", key=lines[above].count)
-    # Strict: after a quotation mark that is never closed, all further cases would be taken for part of one field.
+    # Strict, since after a quotation mark that is never closed, all further cases would be taken for part of one field.
     reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True, strict=True)
     for _ in range(above):
         next(reader.reader)
@@ -137,11 +138,11 @@ def _cases_of_rows(reader: csv.DictReader[str], path: Path) -> Iterator[Case]:
     folder = path.resolve().parent
     for row in reader:
         if not any("".join(value or "") for value in row.values()):
-            continue  # A line of separators alone, which spreadsheets write where a line was emptied.
+            continue  # A line of separators only, which spreadsheets write for a cleared line.
         name, volume, annotations = ((row[column] or "").strip() for column in COLUMNS)
         if not (name and volume and annotations) or "\0" in volume + annotations:
             raise InputError(f"{path}, line {reader.line_num}: a case needs a name, a volume and annotations; got {row}.")
-        # Joining leaves absolute paths as they are.
+        # Joining keeps absolute paths unchanged.
         yield Case(name, folder / volume, folder / annotations, (row.get(SERIES_COLUMN) or "").strip() or None)
 
 
@@ -181,15 +182,15 @@ def _cases_in_folder(folder: Path) -> Iterator[Case]:
 
 
 def _is_hidden(path: Path) -> bool:
-    """Whether it is nobody's case, nor to be looked into.
+    """Whether a path is ignored in the search for cases.
 
-    Beside each file that a Mac copies to a shared disk, it puts one with `._` in front.
+    Macs put a file with the prefix `._` beside each file that they copy to a shared disk.
     """
     return path.name.startswith(".") or path.name.lower() in FOLDERS_OF_SYSTEMS
 
 
 def _holds_series(folder: Path) -> bool:
-    """Whether it, or a folder below, has DICOM files; one that cannot be looked through has none."""
+    """Whether a folder or one below has DICOM files; false for a folder that cannot be searched."""
     try:
         return holds_dicom(folder)
     except InputError:
@@ -197,9 +198,9 @@ def _holds_series(folder: Path) -> bool:
 
 
 def _points_in(folder: Path) -> list[Path]:
-    """The annotations files in a folder of DICOM files, whatever the volume was called where they were saved.
+    """The annotations files in a folder of DICOM files, whatever name the volume had when they were saved.
 
-    One with a volume beside it is that volume's: it is a folder of other cases.
+    An annotations file beside a volume of its name belongs to that volume, which is another case.
     """
     files = sorted(path for path in folder.iterdir() if path.is_file() and not _is_hidden(path))
     volumes = {path.name[: -len(ending)] for path in files if (ending := volume_ending(path))}
@@ -211,7 +212,7 @@ def _points_in(folder: Path) -> list[Path]:
 def _check_names(cases: list[Case], source: Path) -> None:
     seen: dict[str, str] = {}
     for case in cases:
-        # Many disks take letters for the same that differ in case, or in how an accent is put together.
+        # Many file systems do not distinguish upper and lower case, or composed and decomposed accents.
         key = unicodedata.normalize("NFKC", case.name).casefold()
         if key in seen:
             raise InputError(

@@ -1,9 +1,9 @@
-"""Where the frames of a DICOM file lie that has several, and in which scale: ITK takes them for one stack, whatever they are.
+"""Positions and intensity scales of the frames of multi-frame DICOM files, which ITK always reads as one regular stack.
 
-Enhanced images say it of each frame, in functional groups (DICOM PS3.3, C.7.6.16.2), which ITK does not show. Two phases, one
-after the other, frames in any order, and planes in several directions are all read as one volume; where the distances differ,
-be it by rounding, all spacings become 1 mm, within the plane too, and frames that descend ascend. Where each frame is scaled in
-a way of its own, all get the scale of the first.
+Enhanced images give both for each frame in functional groups (DICOM PS3.3, C.7.6.16.2), to which ITK gives no access. It reads
+two consecutive phases, frames in any order, and planes in several directions as one volume. If distances differ, even by
+rounding, it sets all spacings to 1 mm, also within the plane, and reads descending frames as ascending ones. If frames have
+different scales, it applies that of the first to all.
 """
 
 from __future__ import annotations
@@ -25,28 +25,30 @@ from .dicom_encoding import BIG_ENDIAN, DEFLATED, data_set
 from .straightening import warn_of_gaps
 
 SAME_DISTANCE = 0.01
-"""Distances between frames that differ by no more than this share are equal, and one as small is none."""
+"""Distances between frames are equal if they differ by at most this share. Frames closer than this share of the median distance
+lie at the same place."""
 
 LARGEST_TURN = 0.01
-"""By which entries of the frames' directions may differ: that of rounding."""
+"""Largest difference between entries of the frames' directions, which allows for rounding."""
 
 POSITION, ORIENTATION, PIXEL_SIZE = "0020|0032", "0020|0037", "0028|0030"
-"""Tags of where the first pixel of a slice lies, of how its rows and columns run, and of how far apart its pixels are."""
+"""Tags of the position of a slice's first pixel, the directions of its rows and columns, and the spacing of its pixels."""
 
 
 def frame_positions(path: Path, image: sitk.Image, on_warning: Callable[[str], None]) -> np.ndarray | None:
-    """Where the frames of a file lie; the image is given the size of their pixels, and their order, where ITK has lost it.
+    """Read the positions of a file's frames; also restores the image's spacing and direction if ITK has lost them.
 
     Args:
-        path: a DICOM file.
-        image: as ITK read it.
-        on_warning: is told that the distance between the frames is a guess, or where some seem to be missing.
+        path: path of the DICOM file.
+        image: the image as ITK read it; its spacing and direction may be changed.
+        on_warning: called with a message if the distance between the frames is a guess, or if some seem to be missing.
 
     Returns:
-        Of the first pixel of each frame, (K, 3) LPS millimetres; None of a single frame, or where the file does not say.
+        Position of the first pixel of each frame, (K, 3) LPS millimetres; None for a single frame, or if the file has no
+        positions.
 
     Raises:
-        InputError: they are no stack of slices, one after the other.
+        InputError: the file cannot be read, or the frames are not a single stack of consecutive slices.
     """
     frames = _frame_count(image)
     if frames < 2:
@@ -72,28 +74,28 @@ def frame_positions(path: Path, image: sitk.Image, on_warning: Callable[[str], N
 
 
 def says_of_frames(path: Path, tag: str) -> bool:
-    """Whether a DICOM file says `POSITION`, `ORIENTATION` or `PIXEL_SIZE` in functional groups, from where ITK takes it.
+    """Whether a DICOM file has `POSITION`, `ORIENTATION` or `PIXEL_SIZE` in functional groups, where ITK finds it.
 
-    An enhanced image may have a single frame, and be one of the slices of a series.
+    Such a file may have a single frame, and be one slice of a series.
 
     Raises:
-        InputError: it cannot be read.
+        InputError: the file cannot be read.
     """
     return len(_numbers(path, *_IN_GROUPS[tag], most=1)) > 0
 
 
 def with_frame_scales(path: Path, image: sitk.Image) -> sitk.Image:
-    """The image of a DICOM file, each of its frames in its own scale.
+    """Apply to each frame of a DICOM file its own scale.
 
     Args:
-        path: of the file.
-        image: as ITK read it, all frames in the scale of the first.
+        path: path of the file.
+        image: the image as ITK read it, with the scale of the first frame for all.
 
     Returns:
-        The image itself where that is the scale of all.
+        The rescaled image, in float32; the same image if all frames have one scale.
 
     Raises:
-        InputError: not every frame has a scale, though they differ.
+        InputError: the file cannot be read, or scales differ and some frames have none.
     """
     frames = _frame_count(image)
     slopes, intercepts = (_numbers(path, element, 1, frames + 1) for element in (_SLOPE, _INTERCEPT))
@@ -119,27 +121,27 @@ def _frame_count(image: sitk.Image) -> int:
 
 
 def _heights(positions: np.ndarray, image: sitk.Image) -> np.ndarray:
-    """Where frames lie along their normal, (K,), millimetres."""
+    """Positions of the frames along their normal, (K,), millimetres."""
     axes = image.GetDimension()
     heights: np.ndarray = positions @ np.array(image.GetDirection()).reshape(axes, axes)[:3, 2]
     return heights
 
 
 def _in_order(heights: np.ndarray) -> bool:
-    """Whether each lies beyond the one before."""
+    """Whether each frame lies beyond the one before."""
     steps = np.diff(heights) * np.sign(heights[-1] - heights[0])
     return bool((steps > SAME_DISTANCE * np.median(np.abs(steps))).all())
 
 
 def _has_pixel_size(path: Path, image: sitk.Image, heights: np.ndarray) -> bool:
-    """Whether the image has the size of its pixels; it is given that where ITK has lost it together with the distances.
+    """Whether the image's pixel size is known; if ITK has lost it, it is restored.
 
-    What it has lost as well is which way the frames follow each other.
+    With it, ITK loses the distance between frames and their direction, which are restored as well.
     """
     across_mm, down_mm, distance_mm, *further = image.GetSpacing()
     distances = np.abs(np.diff(heights))
     fits = bool(np.abs(distances - distance_mm).max() <= SAME_DISTANCE * distance_mm)
-    # A millimetre along all axes may be the spacing of a file, and may be what ITK has put in the place of another one.
+    # 1 mm along all axes may be the spacing of the file, or the value by which ITK has replaced another one.
     if fits and (across_mm, down_mm, distance_mm) != (1.0, 1.0, 1.0):
         return True
     sizes = _numbers(path, _PIXEL_SPACING, 2, len(heights) + 1)
@@ -158,19 +160,19 @@ def _has_pixel_size(path: Path, image: sitk.Image, heights: np.ndarray) -> bool:
 
 @dataclass(frozen=True)
 class _Element:
-    """How an element is found in files of either order of bytes; its group that matches is how long the value is."""
+    """Patterns that find an element in files of either byte order; the group that matches is the length of the value."""
 
     little_endian: re.Pattern[bytes]
     big_endian: re.Pattern[bytes]
 
 
 def _in_sequence(sequence: bytes, element: bytes, behind: int = 0) -> _Element:
-    """An element in the one item of a sequence, with types written or without.
+    """Patterns for an element in the only item of a sequence, with explicit or implicit types.
 
     Args:
-        sequence: its tag, as written in little-endian files.
-        element: likewise.
-        behind: how many bytes other elements before it may take.
+        sequence: tag of the sequence, as in little-endian files.
+        element: tag of the element, likewise.
+        behind: largest number of bytes of other elements before it.
     """
     before = rb".{0,%d}?" % behind
     item = b"\xfe\xff\x00\xe0"
@@ -184,23 +186,23 @@ def _in_sequence(sequence: bytes, element: bytes, behind: int = 0) -> _Element:
 
 
 def _pairs_swapped(tag: bytes) -> bytes:
-    """A tag, two numbers of two bytes each, in the other order of bytes."""
+    """A tag, which is two numbers of two bytes each, in the other byte order."""
     return bytes((tag[1], tag[0], tag[3], tag[2]))
 
 
 _POSITION = _in_sequence(b"\x20\x00\x13\x91", b"\x20\x00\x32\x00")
 _ORIENTATION = _in_sequence(b"\x20\x00\x16\x91", b"\x20\x00\x37\x00")
-# Before it are how thick a slice is and how far it is to the next, two numbers as text.
+# The elements before it are slice thickness and spacing between slices, two numbers as text.
 _PIXEL_SPACING = _in_sequence(b"\x28\x00\x10\x91", b"\x28\x00\x30\x00", behind=64)
 _IN_GROUPS = {POSITION: (_POSITION, 3), ORIENTATION: (_ORIENTATION, 6), PIXEL_SIZE: (_PIXEL_SPACING, 2)}
-"""Where each is in functional groups, and how many numbers it has."""
+"""For each tag, the element in functional groups, and how many numbers it has."""
 _INTERCEPT = _in_sequence(b"\x28\x00\x45\x91", b"\x28\x00\x52\x10")
-# Before it is the intercept.
+# The element before it is the intercept.
 _SLOPE = _in_sequence(b"\x28\x00\x45\x91", b"\x28\x00\x53\x10", behind=32)
 
 
 def _numbers(path: Path, element: _Element, count: int, most: int) -> np.ndarray:
-    """The values of an element wherever it occurs, (N, `count`), N at most `most`; (0, `count`) where one is no such value."""
+    """The values of all occurrences of an element, (N, `count`) with N ≤ `most`; (0, `count`) if one cannot be parsed."""
     values = []
     try:
         with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as written:
