@@ -1,4 +1,4 @@
-"""Sessions and segmentations as files: what Slicer's own Save and Add data do there, on the same scene."""
+"""Reads and writes sessions, and writes segmentations, as Slicer's Save and Add data do, with the same scene."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from ..Logic.files.image_formats import named_voxels
 
 MODULE = "ViTTransferFunction"
 LARGEST_SCENE = 8 << 30
-"""Bytes of all files of a session when they are unpacked."""
+"""Largest total size of the unpacked files of a session, bytes."""
 _DAMAGES = (
     zipfile.BadZipFile, zlib.error, ElementTree.ParseError, NotImplementedError, EOFError, RuntimeError, ValueError, LookupError
 )  # fmt: skip
-"""What unpacking and reading end with where an archive is damaged or encrypted, or its scene in no known encoding."""
+"""Exceptions from unpacking and reading an archive that is damaged or encrypted, or whose scene has an unknown encoding."""
 _BARE_AMPERSAND = re.compile(rb"&(?!(?:amp|lt|gt|quot|apos|#\d+|#x[0-9a-fA-F]+);)")
 
 
 def parameter_node(scene: Any) -> Any:
-    """The module's parameter node in a scene, made where it is missing; Slicer finds the same one."""
+    """The module's parameter node in a scene, the same that Slicer uses; it is created if it is missing."""
     for index in range(scene.GetNumberOfNodesByClass("vtkMRMLScriptedModuleNode")):
         node = scene.GetNthNodeByClass(index, "vtkMRMLScriptedModuleNode")
         if node.GetModuleName() == MODULE:
@@ -42,10 +42,10 @@ def parameter_node(scene: Any) -> Any:
 
 
 def unpacked_session(path: Path, folder: Path) -> Path:
-    """Unpack a session (.mrb) into an empty folder; returns the scene's file (.mrml).
+    """Unpack a session (.mrb) into an empty folder; returns the path of the scene (.mrml).
 
     Raises:
-        InputError: not a session, too large, or one that would load something from elsewhere.
+        InputError: the file is not a session, is damaged or too large, refers to data outside it, or cannot be unpacked.
     """
     check_regular_file(path)
     problem = f"{path.name} is no session of Slicer or of this app (.mrb)"
@@ -75,10 +75,10 @@ def unpacked_session(path: Path, folder: Path) -> Path:
 
 
 def import_scene(scene: Any, scene_file: Path) -> None:
-    """Add what is in a scene's file to an empty scene.
+    """Add the contents of a scene file to an empty scene.
 
     Raises:
-        InputError: it cannot be read.
+        InputError: the file cannot be read completely.
     """
     scene.SetURL(scene_file.as_posix())
     scene.SetRootDirectory(scene_file.parent.as_posix())
@@ -89,10 +89,10 @@ def import_scene(scene: Any, scene_file: Path) -> None:
 def stage_session(scene: Any, folder: Path) -> None:
     """Write the scene with its volumes, points and segments to a new folder; zipped (`packing`), it is a session (.mrb).
 
-    Voxels are not compressed, since the scene stands still meanwhile, and the page with it.
+    Voxels are not compressed, since the scene, and so the page, is blocked meanwhile.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the session cannot be written.
     """
     try:
         folder.mkdir()
@@ -101,7 +101,7 @@ def stage_session(scene: Any, folder: Path) -> None:
         for scene_file in folder.glob("*.mrml"):
             _escape_ampersands(scene_file)
             _say_compressed(scene_file, ids)
-    # Slicer does not notice where a full disk cut the scene's own file off, which then is no XML.
+    # Slicer does not notice if a full disk truncates the scene file, which is then not valid XML.
     except (OSError, ElementTree.ParseError):
         is_written = False
     if not is_written:
@@ -109,10 +109,10 @@ def stage_session(scene: Any, folder: Path) -> None:
 
 
 def stage_segmentation(segmentation: Any, path: Path) -> None:
-    """Write a segmentation node to a new file, of which `packing.gzip_nrrd` makes one of the usual size (.seg.nrrd).
+    """Write a segmentation node to a new, uncompressed file (.seg.nrrd), which `packing.gzip_nrrd` compresses.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the file cannot be written.
     """
     storage = slicer.vtkMRMLSegmentationStorageNode()
     storage.SetFileName(path.as_posix())
@@ -123,9 +123,9 @@ def stage_segmentation(segmentation: Any, path: Path) -> None:
 
 @contextmanager
 def _names_for_windows(scene: Any) -> Iterator[None]:
-    """Name files within as any system takes them: Slicer names them after nodes, and leaves a < or a CON, say, as they are.
+    """Give files names that are valid on all systems within: Slicer's own, after nodes, may contain < or be CON, for example.
 
-    Files of one name get numbers from Slicer.
+    Slicer adds numbers to equal names.
     """
     storages = [
         (node.GetStorageNode(), kept_name(node.GetName()))
@@ -147,7 +147,7 @@ def _storable_nodes(scene: Any) -> list[Any]:
 
 
 def _storage_nodes(scene: Any) -> list[Any]:
-    """All that will write the scene's data, made where they are missing."""
+    """All storage nodes that will write the scene's data; missing ones are created."""
     storable = _storable_nodes(scene)
     for node in storable:
         if node.GetSaveWithScene() and node.GetStorageNode() is None:
@@ -157,7 +157,7 @@ def _storage_nodes(scene: Any) -> list[Any]:
 
 @contextmanager
 def _uncompressed(nodes: list[Any]) -> Iterator[set[str]]:
-    """Have storage nodes not compress within; gives the ids of those that do else."""
+    """Turn compression of storage nodes off within; yields the ids of those that had it on."""
     compressing = [node for node in nodes if node.GetUseCompression()]
     for node in compressing:
         node.UseCompressionOff()
@@ -169,12 +169,12 @@ def _uncompressed(nodes: list[Any]) -> Iterator[set[str]]:
 
 
 def _escape_ampersands(scene_file: Path) -> None:
-    """Have a scene be XML: where a node's name has an &, Slicer writes it into the name of its file as it is."""
+    """Make a scene valid XML: Slicer does not escape an & of a node's name in the name of the node's file."""
     scene_file.write_bytes(_BARE_AMPERSAND.sub(b"&amp;", scene_file.read_bytes()))
 
 
 def _say_compressed(scene_file: Path, ids: set[str]) -> None:
-    """Have Slicer compress again what it saves after it opened this scene."""
+    """Turn compression on in the scene file, for the next time that Slicer saves the scene."""
     tree = ElementTree.parse(scene_file)
     for element in tree.iter():
         if element.get("id") in ids:
@@ -183,7 +183,7 @@ def _say_compressed(scene_file: Path, ids: set[str]) -> None:
 
 
 def _check_self_contained(scene_file: Path) -> None:
-    """Raise InputError where a scene would load something from the network, or a file that did not come with it."""
+    """Raise InputError if a scene would load something from the network, or a file that is not part of the session."""
     for element in ElementTree.parse(scene_file).iter():
         for name, value in element.attrib.items():
             if name.startswith("uri") and value:
@@ -196,7 +196,7 @@ def _check_self_contained(scene_file: Path) -> None:
 
 
 def _check_voxels_are_inside(folder: Path, scene_file: Path) -> None:
-    """Raise InputError where the header of an image may name any file of the computer as that of its voxels."""
+    """Raise InputError if the header of an image may refer to a file outside the session for its voxels."""
     for path in folder.rglob("*"):
         name = named_voxels(path) if path.is_file() else None
         if name is not None and (_leads_out(name) or name.split()[:1] in ([], ["-"], ["LIST"])):
@@ -207,5 +207,5 @@ def _check_voxels_are_inside(folder: Path, scene_file: Path) -> None:
 
 
 def _leads_out(file_name: str) -> bool:
-    """Whether a file's name in a scene, of any system, is not that of one beside the scene or below."""
+    """Whether a file name in a scene, of any system, leads out of the scene's folder."""
     return PureWindowsPath(file_name).anchor != "" or ".." in PureWindowsPath(file_name).parts

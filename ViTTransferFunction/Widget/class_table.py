@@ -1,4 +1,4 @@
-"""The table of structures: colour, name, visibility, numbers of points, threshold, volume."""
+"""The table of structures with colour, name, visibility, numbers of points, threshold and volume."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
 COLOR, NAME, SHOWN, POSITIVE, NEGATIVE, THRESHOLD, VOLUME = range(7)
 _SWATCH_PIXELS = 64
-"""Qt makes icons smaller, but never larger."""
+"""Size of the colour icons before scaling: Qt makes icons smaller, but never larger."""
 _FEWEST_ROWS, _MOST_ROWS = 4, 8
-"""That the table has room for: what lies below it is not to move with each of the first structures, nor to be far away."""
+"""Limits of the number of rows that are visible without scrolling, so that the widgets below neither move with each of the
+first structures, nor end up far down."""
 _POLARITIES: dict[int, Polarity] = {POSITIVE: "positive", NEGATIVE: "negative"}
 
 
 class ClassTable(Section):
-    """Shows the classes, has them renamed, recoloured, hidden and selected, and adds them.
+    """Shows the classes, and lets the user add, rename, recolour, hide and select them.
 
     Args:
-        ui: the widgets of the panel, by name.
+        ui: the widgets of the panel, as attributes by their names.
         report: shows an error to the user.
-        on_added: called after a class was added and selected.
+        on_added: called after the user added a class, which is then selected.
     """
 
     def __init__(self, ui: Any, report: Report, on_added: Callable[[], None]) -> None:
@@ -36,13 +37,13 @@ class ClassTable(Section):
         self._table = ui.classTable
         self._tips = _tips()
         header = self._table.horizontalHeader()
-        # Fonts and translations vary.
+        # Sizes follow from the contents, since fonts and translations vary.
         header.setSectionResizeMode(qt.QHeaderView.ResizeToContents)
         header.setSectionResizeMode(NAME, qt.QHeaderView.Stretch)
         self._table.verticalHeader().setSectionResizeMode(qt.QHeaderView.ResizeToContents)
         self._table.verticalHeader().sectionResized.connect(self._on_row_resized)
         self._resized = qt.QTimer(self._table)
-        # Not by its name, which Slicer has given to a function of its own.
+        # As a property, since Slicer's Python has a function in place of the attribute `singleShot`.
         self._resized.setProperty("singleShot", True)
         self._resized.timeout.connect(self._make_room_for_rows)
         self._table.cellChanged.connect(self._on_cell_changed)
@@ -51,7 +52,7 @@ class ClassTable(Section):
         ui.addClassButton.clicked.connect(self.add)
 
     def refresh(self) -> None:
-        """Show the classes as they are."""
+        """Show the current state of the classes."""
         session = self.session
         classes = session.classes if session else ()
         selected = session.selected_class if session else None
@@ -73,12 +74,12 @@ class ClassTable(Section):
             self._on_added()
 
     def select_neighbour(self, step: int) -> None:
-        """Select the class `step` rows further down; the table's ends meet."""
+        """Select the class `step` rows further down; after the last row comes the first."""
         if self.session is not None:
             self.session.selection.select_neighbour(step)
 
     def change_color(self) -> None:
-        """Have the user choose a colour for the selected class."""
+        """Ask the user for a colour for the selected class."""
         if self.selected is not None:
             self._change_color_of(self.selected)
 
@@ -89,17 +90,17 @@ class ClassTable(Section):
     def _select(self, row: int) -> None:
         if self._table.currentRow() != row:
             self._table.selectRow(row)
-            # Where its rows are new, as in a scene that was opened, Qt does not.
+            # Qt does not scroll by itself if the rows are new, for example after a scene was opened.
             self._table.scrollToItem(self._table.item(row, NAME))
 
     def _make_room_for_headers(self) -> None:
-        """Have the panel at least so wide that no header is cut off; the one of names would, which takes what is left."""
+        """Make the panel so wide that no header is cut off, in particular that of names, which gets the remaining width."""
         header = self._table.horizontalHeader()
         widths = [header.sectionSizeHint(column) for column in range(self._table.columnCount)]
         self._table.minimumWidth = sum(widths) + self._table.verticalScrollBar().sizeHint.width() + 2 * self._table.frameWidth
 
     def _make_room_for_rows(self) -> None:
-        """Have the table as high as its rows, from `_FEWEST_ROWS` to `_MOST_ROWS`, beyond which it is scrolled."""
+        """Make the table as high as its rows, but at least `_FEWEST_ROWS` and at most `_MOST_ROWS`, beyond which it scrolls."""
         count = self._table.rowCount
         row_height = self._table.rowHeight(0) if count else self._table.verticalHeader().minimumSectionSize
         rows_height = row_height * min(max(count, _FEWEST_ROWS), _MOST_ROWS)
@@ -107,7 +108,7 @@ class ClassTable(Section):
         self._table.minimumHeight = self._table.maximumHeight = height
 
     def _on_row_resized(self, _row: int, _before: int, _height: int) -> None:
-        """Letters have another size, say. Qt tells of it before the row has its new height."""
+        """Adjust the table later, for example to a new font size: Qt sends this signal before the row has its new height."""
         self._resized.start(0)
 
     def _fill(self, row: int, state: ClassState) -> None:
@@ -126,7 +127,7 @@ class ClassTable(Section):
         )
 
     def _item(self, row: int, column: int, ability: Any = None) -> Any:
-        """The cell's item, which is made the first time."""
+        """The cell's item, which is created if it does not exist."""
         item = self._table.item(row, column)
         if item is None:
             item = qt.QTableWidgetItem()
@@ -146,7 +147,7 @@ class ClassTable(Section):
             self.session.annotations.set_class(state.id, visible=item.checkState() == qt.Qt.Checked)
         elif column == NAME:
             annotations = self.session.annotations
-            # The cell has what was typed, also where the name stays as it was.
+            # The cell shows what was typed, even if the name is refused.
             self.attempt(lambda: annotations.set_class(state.id, name=item.text()))
 
     def _on_double_click(self, row: int, column: int) -> None:
@@ -168,13 +169,13 @@ class ClassTable(Section):
         if self.session is not None and 0 <= row < len(self.session.classes):
             self.session.select_class(self.session.classes[row].id)
             if not self._table.item(row, NAME).isSelected():
-                # A click with Ctrl on the selected row would leave none marked, and points would go to it all the same.
+                # Otherwise a Ctrl+click on the selected row would leave no row marked, although points still go to its class.
                 with signals_blocked(self._table):
                     self._table.selectRow(row)
 
 
 def _tips() -> dict[int, str]:
-    """What the tool tip of each column's cells says: once, since Slicer takes its time to look for a translation."""
+    """The tool tips of the cells by column; to be called once, since Slicer's translation is slow."""
     tour = _("Double-click to go from point to point in the slice views.")
     return {
         COLOR: _("Double-click to change the colour."),
@@ -188,14 +189,14 @@ def _tips() -> dict[int, str]:
 
 
 def ask_color(color: Color, name: str, parent: Any) -> Color | None:
-    """Have the user choose a colour; None where the user cancels."""
+    """Ask the user for a colour; None if the user cancels."""
     title = _("Colour of {name}").format(name=name)
     chosen = qt.QColorDialog.getColor(qt.QColor.fromRgbF(*color), parent, title)
     return (chosen.redF(), chosen.greenF(), chosen.blueF()) if chosen.isValid() else None
 
 
 def _set_swatch(item: Any, color: Any) -> None:
-    """Have an item show a colour as it is. A colour by itself, Qt would mix with that of the selection in the selected row."""
+    """Show a colour in an item by an icon, since Qt would blend a plain colour with the selection's in the selected row."""
     if item.data(qt.Qt.UserRole) == color.name():
         return
     item.setData(qt.Qt.UserRole, color.name())

@@ -58,8 +58,8 @@ def read_cases(source: Path) -> list[Case]:
             DICOM files with an annotations file in it, or beside it with the folder's name.
 
     Raises:
-        InputError: there are no cases, the table cannot be read or is incomplete, names are not unique, or the annotations file
-            of a volume, or the volume of one, is ambiguous or missing.
+        InputError: there are no cases, the table cannot be read or is incomplete, names are not unique, a volume has
+            several annotations files, or an annotations file has several volumes or none.
     """
     if source.is_dir():
         cases = list(_cases_in_folder(source.resolve()))

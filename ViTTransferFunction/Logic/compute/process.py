@@ -1,4 +1,4 @@
-"""The operating system's side of the compute process: how it is started, why it died, and how it ends."""
+"""Starts and ends the compute process, and finds out why it died."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from typing import IO, cast
 from ..core.system.errors import InputError
 from ..core.system.private_folder import PrivateFolder, private_folder
 
-# The package is made by hand: its own file imports the host program's modules, which the process does not have.
-# What lies in the user's working folder must not be taken for a library. -c puts the working folder in front of all others,
-# and an empty entry of PYTHONPATH, such as a launcher may leave, names it as well: so Python starts in a folder that is empty,
-# forgets it, and only then goes to the user's, to which relative paths refer. (-I would do the first, but hide from Slicer's
-# Python where its own libraries are; -P came with Python 3.11.)
+# The package is created by hand, since its own file imports modules of the host program, which the process does not have.
+# Files in the user's working folder must not be imported as libraries. -c puts the working folder first in sys.path, and so
+# does an empty entry of PYTHONPATH, such as a launcher may leave. Therefore Python starts in an empty folder, removes it from
+# sys.path, and only then changes to the user's folder, to which relative paths refer. (-I would avoid this, but hide the
+# libraries of Slicer's Python; -P needs Python 3.11.)
 _BOOTSTRAP = """
 import os, sys
 package_folder, working_folder, private_folder = sys.argv[1:]
@@ -39,32 +39,31 @@ main(private_folder)
 IN_MEMORY = Path("/dev/shm")
 """Linux's file system in memory."""
 ROOM_BYTES = 2 * 2**30
-"""A large volume and its label map take half of that."""
+"""Free space that is required in memory; a large volume and its label map take half of it."""
 _LAST_WORDS_BYTES = 64_000
 _FATAL, _WINDOWS_FATAL = "Fatal Python error: ", "Windows fatal exception: "
-"""How Python begins to say where it was when a library stopped the process; on Windows also of exceptions that a library lives
-through."""
+"""Prefixes of Python's message when a library stops the process; on Windows also of exceptions that the library handles."""
 _LAUNCHER_S_LINE = re.compile(r"exit abnormally")
-"""Slicer's Python is started by a launcher, which has the last word where the process was killed, and does not know why."""
+"""Message of the launcher that starts Slicer's Python; it follows if the process was killed, and does not say why."""
 _PATIENCE_S = 0.3
-"""How long the process may take to end by itself; most often it needs a hundredth of a second."""
+"""Time in which the process may end by itself; it usually takes a hundredth of a second."""
 _REMOVING_S, _RETRY_S = 1.0, 0.02
 
 
 class ComputeProcess:
-    """A Python that runs `server.main`, and maybe a launcher that started it, as Slicer's `PythonSlicer` does.
+    """A Python process that runs `server.main`, and the launcher that started it, if any (Slicer's `PythonSlicer`).
 
     Args:
-        python_executable: the Python that has PyTorch; the running one unless given.
+        python_executable: a Python with PyTorch; None: the running one.
 
     Attributes:
         requests: the process's standard input.
         replies: its standard output.
-        folder: private to the user, for the arrays of both.
-        own_pid: the number that the process says is its own; None until it did. A launcher has another one.
+        folder: private to the user, for the arrays of requests and replies.
+        own_pid: the process's own number, once it has sent it; until then None. A launcher has another number.
 
     Raises:
-        InputError: it cannot be started.
+        InputError: the process cannot be started.
     """
 
     def __init__(self, python_executable: str | Path | None = None) -> None:
@@ -72,7 +71,7 @@ class ComputeProcess:
         self.own_pid: int | None = None
         self._private = _private_folder()
         self.folder = Path(self._private.name)
-        # After the folder, which tells it in words where no place for temporary files is to be had.
+        # After the folder, which raises an InputError if there is no place for temporary files.
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (closed in `clean_up`)
         try:
             self._process = subprocess.Popen(
@@ -81,10 +80,10 @@ class ComputeProcess:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._errors,
-                # Where another program uses a core, OpenMP's default of spinning while it waits makes PyTorch many times
-                # slower. NumPy's own threads spin as well; all large products are PyTorch's.
+                # By default OpenMP's threads spin while they wait, which makes PyTorch many times slower if another program
+                # uses a core. NumPy's threads spin as well, and are not needed: PyTorch computes all large products.
                 env={"OMP_WAIT_POLICY": "passive", "OPENBLAS_NUM_THREADS": "1", **os.environ},
-                # Closing a buffered stream would wait for whoever is writing to it.
+                # Closing a buffered stream would wait for a thread that is writing to it.
                 bufsize=0,
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
                 # A group of its own, so that launcher and process can be ended together.
@@ -104,18 +103,19 @@ class ComputeProcess:
 
     @property
     def pid(self) -> int:
-        """The process's own number; its launcher's until it is known."""
+        """The process's own number; until that is known, its launcher's."""
         return self.own_pid or self._process.pid
 
     @property
     def runs(self) -> bool:
-        """Whether the process, or its launcher, has not ended yet."""
+        """Whether the process, or its launcher if there is one, is still running."""
         return self._process.poll() is None
 
     def last_words(self) -> str:
-        """The last line that the process wrote to its error stream: why it died, if it knew; "" where it said nothing.
+        """The line of the process's error stream that says why it died; "" if it wrote nothing.
 
-        Where a library stopped it, the lines that follow say where Python was, and what the library said goes before.
+        This is the last line, unless a library stopped the process. Then it is the line by which Python reports that, since the
+        following ones only give Python's position; a preceding line with an exception of the library is added.
         """
         self._errors.seek(0, os.SEEK_END)
         self._errors.seek(max(0, self._errors.tell() - _LAST_WORDS_BYTES))
@@ -128,9 +128,9 @@ class ComputeProcess:
         return said[-1] if said else ""
 
     def end(self) -> None:
-        """End the process, whatever it is doing, and its launcher."""
-        # It ends itself when its input does. Killing a launcher first would leave what it had launched. By a thread: while
-        # another one still writes to a process that does not read, Windows closes nothing.
+        """End the process and its launcher, whatever they are doing."""
+        # The process ends when its input is closed; killing a launcher would leave its child running. The input is closed by a
+        # thread, because closing blocks on Windows while another thread writes to a process that does not read.
         closing = threading.Thread(target=_close, args=(self.requests,), daemon=True)
         closing.start()
         closing.join(_PATIENCE_S)
@@ -141,18 +141,18 @@ class ComputeProcess:
             self._process.wait()
 
     def clean_up(self) -> None:
-        """Close what is left, once nobody reads it any more."""
+        """Close the streams and remove the folder, after the last read from `replies`."""
         _close(self.replies)
         _close(self._errors)
         self._private.cleanup()
-        # Windows keeps the files of a process that was killed for a moment more.
+        # Windows keeps the files of a killed process in use for a moment.
         give_up = time.monotonic() + _REMOVING_S
         while sys.platform == "win32" and self.folder.exists() and time.monotonic() < give_up:
             time.sleep(_RETRY_S)
             shutil.rmtree(self.folder, ignore_errors=True)
 
     def _kill(self) -> None:
-        # Each may end by itself in the meantime.
+        # Either process may end by itself in the meantime.
         if sys.platform == "win32":
             if self.own_pid is not None:
                 with suppress(OSError):
@@ -165,8 +165,8 @@ class ComputeProcess:
 
 
 def _line_of_the_fatal(said: list[str]) -> int | None:
-    """Which line says what stopped the process; None where a library did not."""
-    # The first one: Python may crash once more while it says where the other threads are, since they go on meanwhile.
+    """Index of the line by which Python reports that a library stopped the process; None if no library did."""
+    # The first one, since Python may crash again while it lists the other threads, which continue meanwhile.
     errors = [index for index, line in enumerate(said) if line.startswith(_FATAL)]
     if errors:
         return errors[0]
@@ -175,19 +175,19 @@ def _line_of_the_fatal(said: list[str]) -> int | None:
 
 
 def _executable(given: str | Path | None) -> str:
-    """A Python that is there. Raises InputError."""
+    """Absolute path of the Python to start; raises InputError if it does not exist."""
     executable = str(given or sys.executable or "")
     if not executable or not Path(executable).is_file():
         raise InputError(
             f"Python was not found{f' as {executable}' if executable else ''}, and nothing can be computed without it. The "
             "installation of Slicer, or of the app, is incomplete: install it again."
         )
-    # It is started from another folder.
+    # Absolute, since it is started in another folder.
     return str(Path(executable).absolute())
 
 
 def _working_folder() -> str:
-    """Where relative paths begin; where it was deleted, wherever the process starts."""
+    """The folder to which relative paths refer; if it was deleted, the one in which the process starts."""
     try:
         return str(Path.cwd())
     except OSError:
@@ -195,12 +195,12 @@ def _working_folder() -> str:
 
 
 def _private_folder() -> PrivateFolder:
-    """In memory, where the system has a file system for that and there is room: no voxel is then written to a disk."""
+    """A private folder, in a file system in memory if there is one with enough space, so that no voxel is written to a disk."""
     in_memory = IN_MEMORY.is_dir() and os.access(IN_MEMORY, os.W_OK) and shutil.disk_usage(IN_MEMORY).free >= ROOM_BYTES
     return private_folder(IN_MEMORY if in_memory else None)
 
 
 def _close(stream: IO[bytes]) -> None:
-    # What was still to be flushed has nobody left to read it.
+    # Errors of flushing do not matter, since nobody reads the data any more.
     with suppress(OSError):
         stream.close()

@@ -1,7 +1,8 @@
-"""Features normalised by the volume's own statistics: centred, whitened, scaled to unit length.
+"""Normalises features by the volume's own statistics: they are centred, whitened and scaled to unit length.
 
-Un-centred keys of the DINOv2 family have cosine above 0.9 between any two cells: no threshold separates anything. What
-tells cells apart is how they differ from the volume's mean, measured against how much each direction varies anyway.
+For keys of the DINOv2 family that are not centred, the cosine between any two cells is above 0.9, so that no threshold
+separates anything. Cells are distinguished by their differences from the volume's mean, relative to the variance in each
+direction.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ from .layer_interpolation import interpolated_layers
 Statistics = Literal["none", "centred", "whitened"]
 
 WHITENED_COMPONENTS = 64
-"""Directions of largest variance that are kept; the rest is mostly noise that whitening would blow up."""
+"""Number of directions of largest variance that are kept; the rest is mostly noise, which whitening would amplify."""
 STATISTICS_PATCHES = 30_000
-"""Enough for a covariance of some hundred channels: with all patches of a 64³ grid the result is the same to a few percent."""
+"""Largest number of patches from which moments are computed. All patches of a 64³ grid change the result by a few percent."""
 PATCHES_PER_COMPONENT = 50
-"""Fewer patches than this for each direction would make every cell look unlike its neighbours."""
+"""Least number of patches for each kept direction; with fewer, every cell would look unlike its neighbours."""
 MOMENTS_BLOCK = 2048
-"""So many patches are multiplied in float32, and their sums added in float64: several times as fast, and off by no more than
-features are that are kept in float16."""
+"""Patches whose products are computed together in float32, before sums are added in float64. This is several times as fast as
+float64, and its error is no larger than that of storing features in float16."""
 SMALLEST_NORM = 1e-12
 
 
@@ -41,7 +42,7 @@ class FeatureTransform:
 
     Attributes:
         mean: (C,) float32.
-        projection: (C, C') float32, or None to keep all channels as they are.
+        projection: (C, C') float32; None: all channels are kept.
     """
 
     mean: np.ndarray
@@ -49,7 +50,7 @@ class FeatureTransform:
 
     @property
     def channels(self) -> int:
-        """C'."""
+        """C', the number of channels after the map."""
         return len(self.mean) if self.projection is None else self.projection.shape[1]
 
     def apply(self, vectors: np.ndarray) -> np.ndarray:
@@ -65,10 +66,10 @@ class NormalisedFeatures:
     """Unit vectors whose dot products are the cosine similarities of Eq. 1.
 
     Attributes:
-        array: (K', J', I', C') float32, each vector of length 1 (or 0 where the feature was the mean itself). It lies in memory
-            channel by channel: then the products of all vectors with one take less than half as long.
-        transform: what was applied before normalising.
-        source: the features as extracted, with their moments where these were needed.
+        array: (K', J', I', C') float32; each vector has length 1, or 0 if the transformed feature is 0. The channels lie one
+            after the other in memory, so that products of all vectors with one vector take less than half as long.
+        transform: the map that was applied before scaling to unit length.
+        source: the features as extracted, with their moments if these were needed.
     """
 
     array: np.ndarray
@@ -77,7 +78,7 @@ class NormalisedFeatures:
 
     @property
     def geometry(self) -> Geometry:
-        """The grid of the cells, which may be finer than that of the features as extracted."""
+        """The grid of the cells, which may be finer than that of the extracted features."""
         return self.source.cells
 
     def at(self, points_ras: np.ndarray) -> np.ndarray:
@@ -90,19 +91,19 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
 
     Args:
         features: as extracted.
-        statistics: "none": as they are, the paper's way; "centred": minus the volume's mean; "whitened": centred, then
-            the `WHITENED_COMPONENTS` principal directions, or fewer of few patches (`PATCHES_PER_COMPONENT`), each scaled to
-            unit variance over the volume.
+        statistics: "none": no transform, as in the paper; "centred": minus the volume's mean; "whitened": centred, then
+            projected to the `WHITENED_COMPONENTS` principal directions, or to fewer if there are few patches
+            (`PATCHES_PER_COMPONENT`), each scaled to unit variance over the volume.
 
     Raises:
-        InputError: the features are to be whitened, and do not vary or are not finite.
+        InputError: features to be whitened do not vary or are not finite.
     """
     if statistics != "none" and features.moments is None:
         features = replace(features, moments=_moments(features))
     transform = _fit_transform(features, statistics)
     by_channels = array_of(long_rows(transform.channels, int(np.prod(features.cells.shape))).unflatten(1, features.cells.shape))
-    # An affine map of what is interpolated is what is interpolated of its values: the latter has fewer channels. Layer by
-    # layer, so that no full-size float32 copy of the raw features is ever made.
+    # Interpolation commutes with an affine map, whose result has fewer channels and is therefore interpolated. The map is
+    # applied layer by layer, so that no full-size float32 copy of the raw features is made.
     mapped = (np.moveaxis(transform.apply(layer), -1, 0) for layer in features.array)
     layers = interpolated_layers(mapped, features.geometry.shape, features.cells.shape)
     for k, layer in enumerate(layers):
@@ -111,7 +112,7 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
 
 
 def normalised_size_bytes(cells: Geometry, channels: int, statistics: Statistics) -> int:
-    """Size of the array of `NormalisedFeatures` on these cells, at most; `channels` of the features as extracted."""
+    """Upper bound of the size of `NormalisedFeatures.array` on these cells; `channels` is that of the extracted features."""
     kept = min(channels, WHITENED_COMPONENTS) if statistics == "whitened" else channels
     return math.prod(cells.shape) * kept * np.dtype(np.float32).itemsize
 
@@ -121,8 +122,8 @@ def unit_vectors(vectors: np.ndarray, axis: int = -1, out: np.ndarray | None = N
 
     Args:
         vectors: of any shape.
-        axis: along which a vector's channels lie.
-        out: where to write them; None: a new array.
+        axis: the axis of the channels.
+        out: array for the result; None: a new one.
     """
     norms = np.linalg.norm(vectors, axis=axis, keepdims=True)
     unit: np.ndarray = np.divide(vectors, np.maximum(norms, SMALLEST_NORM), out=out)
@@ -145,7 +146,7 @@ def _fit_transform(features: FeatureVolume, statistics: Statistics) -> FeatureTr
     patches = features.array.size // features.channels
     count = min(WHITENED_COMPONENTS, max(1, patches // PATCHES_PER_COMPONENT))
     order = np.argsort(variances)[::-1][:count]
-    # Directions that do not vary (fewer cells than channels, say) carry nothing and would only be divided by zero.
+    # Directions without variance, for example of fewer patches than channels, carry no information, and would be divided by 0.
     order = order[variances[order] > variances[order[0]] * 1e-6]
     if not len(order):
         raise InputError(
@@ -157,7 +158,7 @@ def _fit_transform(features: FeatureVolume, statistics: Statistics) -> FeatureTr
 
 
 def _moments(features: FeatureVolume) -> Moments:
-    """Over evenly spread patches, at most `STATISTICS_PATCHES`."""
+    """Mean and covariance over evenly spread patches, at most `STATISTICS_PATCHES`."""
     spread = canonical_orientation(features.geometry).spread(features.array, STATISTICS_PATCHES)
     cells = spread.reshape(-1, features.channels)
     blocks = [cells[start : start + MOMENTS_BLOCK] for start in range(0, len(cells), MOMENTS_BLOCK)]
@@ -172,10 +173,10 @@ def _moments(features: FeatureVolume) -> Moments:
 
 
 def _as_single(vectors: np.ndarray) -> np.ndarray:
-    """As float32; the same array where it is that already."""
+    """Convert to float32; returns the same array if it already is."""
     if vectors.dtype != np.float16:
         return np.asarray(vectors, dtype=np.float32)
 
-    # The same values, several times faster than numpy finds them. PyTorch knows no arrays that cannot be written to.
+    # The same values as by numpy, several times faster. PyTorch needs arrays that are writable.
     single: np.ndarray = array_of(tensor_of(np.require(vectors, requirements=("C", "W"))).float())
     return single

@@ -1,4 +1,4 @@
-"""The pretrained models: their architecture, where their weights are published, under which terms, and how to cite them."""
+"""The pretrained models: architecture, source and licence of the weights, and citation."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ class PretrainedModel:
     """A vision transformer with published self-supervised weights.
 
     Attributes:
-        name: what users call it.
+        name: its name in options and settings.
         patch_size: edge of the square patch that becomes one token, pixels.
-        embed_dim: channels of a token, and so of the features.
+        embed_dim: number of channels of a token, and of the features.
         depth: number of blocks.
-        num_heads: attention heads of a block.
-        position_grid: side length of the position table, patches; the class token's entry is not counted. None where there is
-            no table, and positions are rotary.
-        num_register_tokens: extra tokens beside the class token.
+        num_heads: number of attention heads of a block.
+        position_grid: side length of the position table, patches, without the class token's entry. None if positions are rotary
+            and there is no table.
+        num_register_tokens: number of register tokens, in addition to the class token.
         layer_scale: whether every block scales its two branches by learned factors.
         gated_mlp: whether a block's MLP is gated (SwiGLU).
-        layer_norm_epsilon: what is added to the variance in layer normalisation.
+        layer_norm_epsilon: the ε that layer normalisation adds to the variance.
         file_name: the weights' official file name.
-        url: where the weights are published; None where the file cannot simply be downloaded, and comes from the user.
-        request_page: where a person agrees to the licence, and then gets the file; None where nobody is asked.
-        sha256: of the published file; None where nobody publishes one: then the first download's hash counts.
-        sha256_start: the first digits of it, where no more is published; a file with other digits may be as good.
-        tensors_sha256: of the tensors (`state_dict.tensors_sha256`), where each computer makes the file anew and its bytes
-            vary with the version of PyTorch; None elsewhere.
-        size_mb: megabytes (10⁶ bytes) of the file, for people who decide whether to get it.
-        licence: terms of the weights.
-        homepage: who publishes them.
+        url: address of the weights; None if the file cannot simply be downloaded, and has to be provided by the user.
+        request_page: page on which a person agrees to the licence to get the file; None if that is not required.
+        sha256: hash of the published file; None if none is published, so that the hash of the first download is used.
+        sha256_start: first digits of the hash, if no more is published; a file with other digits may still be valid.
+        tensors_sha256: hash of the tensors (`state_dict.tensors_sha256`), if the file is created on each computer and its bytes
+            depend on the version of PyTorch; otherwise None.
+        size_mb: size of the file in megabytes (10⁶ bytes), which is shown before a download.
+        licence: licence of the weights.
+        homepage: homepage or package of the publisher.
         citation: the paper that introduced them.
     """
 
@@ -60,12 +60,12 @@ class PretrainedModel:
     layer_norm_epsilon: float = 1e-6
 
     def is_published(self, sha256: str) -> bool:
-        """Whether a file of this hash is the published one, as far as its hash is known."""
+        """Whether a hash is that of the published file, or has its first digits if only these are known."""
         return sha256 == self.sha256 or (self.sha256_start is not None and sha256.startswith(self.sha256_start))
 
     @property
     def rotary_positions(self) -> bool:
-        """Whether attention sees where patches lie by rotary positions; otherwise a learned table adds that to the tokens."""
+        """Whether attention rotates queries and keys by position; otherwise a learned position table is added to the tokens."""
         return self.position_grid is None
 
 
@@ -146,11 +146,11 @@ def _dinov3(
         gated_mlp=gated_mlp,
         layer_norm_epsilon=1e-5,
         file_name=f"{published_as}.pth",
-        # To those who agreed, Meta mails addresses that expire.
+        # After agreement to the licence, Meta mails addresses that expire.
         url=None,
         request_page="https://ai.meta.com/resources/models-and-libraries/dinov3-downloads/",
         sha256=None,
-        # The convention of torch.hub, by which Meta's program checks the file.
+        # The end of the file's name, by a convention of torch.hub, which Meta's program uses to check the file.
         sha256_start=published_as.rpartition("-")[2],
         size_mb=size_mb,
         licence="Meta's DINOv3 License",
@@ -190,8 +190,8 @@ _MODELS = (
         sha256="0b8b82f85de91b424aded121c7e1dcc2b7bc6d0adeea651bf73a13307fad8c73",
         size_mb=346,
     ),
-    # Not Meta's file: the backbone of a saliency model, probably fine-tuned from dinov2_vits14. It is here because
-    # a computer that reaches nothing but the Python package index can still have it.
+    # Not Meta's file, but the backbone of a saliency model, probably fine-tuned from dinov2_vits14. It is included for
+    # computers that reach only the Python package index.
     PretrainedModel(
         name="dinov2_vits14_focus",
         patch_size=14,

@@ -1,4 +1,4 @@
-"""What segments will consist of: the voxels of label maps, made in short steps in images that nobody else sees yet."""
+"""Prepares the voxels of segments, in short steps, in images that are not part of the scene yet."""
 
 from __future__ import annotations
 
@@ -20,18 +20,19 @@ from .labelmaps import LABELMAP, Labelmap, labelmaps_of, new_image, without_labe
 from .segment_tags import CLASS_TAG, CORRECTED_TAG, read_tag, segments_of_classes
 
 FILL_VOXELS = STEP_VOXELS // 8
-"""Voxels of a step that looks what is in the way, which is slow where that is on a grid with other axes."""
+"""Voxels of a step that looks for obstacles, which is slow if these are on a grid with other axes."""
 
 
 @dataclass(frozen=True, eq=False)
 class ClassLabels:
-    """The results of several classes, none of which overlap.
+    """The results of several classes, which do not overlap.
 
     Attributes:
-        array: (K, J, I) of a box of the segmented volume, uint8 or uint16: 1 + index of the class, 0 elsewhere. May be empty.
-        first: k, j and i of the box's first voxel in the volume.
-        class_ids: of each class, which identifies it for as long as it lives, whatever it is named; None for a class that was
-            removed meanwhile, whose voxels are left out.
+        array: labels in a box of the segmented volume, (K, J, I) uint8 or uint16: 1 + index of the class, 0 elsewhere. The box
+            may be empty.
+        first: indices (k, j, i) of the box's first voxel in the volume.
+        class_ids: the id of each class, which does not depend on its name; None for a class that was removed meanwhile, whose
+            voxels are left out.
     """
 
     array: np.ndarray
@@ -40,12 +41,12 @@ class ClassLabels:
 
     @property
     def label_of_class(self) -> dict[str, int]:
-        """The label of each class that is still there."""
+        """The label of each class that still exists, by its id."""
         return {class_id: label for label, class_id in enumerate(self.class_ids, start=1) if class_id is not None}
 
     @property
     def box(self) -> Box:
-        """Where in the volume the labels lie."""
+        """The box of the labels in the volume."""
         k, j, i = (slice(start, start + size) for start, size in zip(self.first, self.array.shape, strict=True))
         return k, j, i
 
@@ -55,14 +56,15 @@ class PreparedSegments:
     """Everything that is needed to write segments at once.
 
     Attributes:
-        image: a labelmap's, with the voxels of all classes.
-        labels: of each class, in order, by its id.
-        digests: of the voxels of each label.
-        ids: of the segments that are there already, by class id.
-        kept: IDs of corrected segments that stay as they are, by class id.
-        removed: IDs of segments whose classes are gone.
-        freed: for other segments, by their ID, their labelmap without the segments that it shared with them.
-        mostly_taken: ids of the classes of which other segments have more than half of the voxels.
+        image: image of a labelmap with the voxels of all classes.
+        labels: label of each class, in order, by class id.
+        digests: digest of the voxels of each label.
+        ids: IDs of existing segments to be replaced, by class id.
+        kept: IDs of corrected segments that are not changed, by class id.
+        removed: IDs of segments to be removed, whose classes are gone.
+        freed: new labelmaps for other segments, by segment ID, without the segments to be replaced or removed that share their
+            present labelmap.
+        mostly_taken: ids of classes with more than half of their voxels in other segments.
     """
 
     image: Any
@@ -76,7 +78,7 @@ class PreparedSegments:
 
     @property
     def empty(self) -> list[str]:
-        """Ids of the classes that have no voxel."""
+        """Ids of the classes without voxels."""
         return [class_id for class_id, label in self.labels.items() if not any(self.digests[label].shape)]
 
 
@@ -89,20 +91,20 @@ def prepare_segments(
     continued: Mapping[str, str],
     gone: Collection[str],
 ) -> Steps[PreparedSegments]:
-    """Make everything that the segments of these classes will consist of, and change nothing; in steps.
+    """Prepare the segments of classes in steps, without changing anything in the scene.
 
-    Other segments are those that are neither written nor removed: corrected ones that are kept are among them. A corrected
-    segment does not stand in the way of its own class, whose result would be what is left over there; nor does the segment
-    that a class continues.
+    Other segments are those that are neither replaced nor removed, including corrected ones that are kept. A corrected segment
+    is no obstacle to its own class, whose result would otherwise lack all of its voxels; nor is the segment that a class
+    continues.
 
     Args:
-        segmentation_node: where to; None: a new one, without segments and transform. See `check_writable`.
+        segmentation_node: the segmentation to write to; None: a new one, without segments and transform. See `check_writable`.
         volume_node: the segmented volume.
         labels: the results.
         respect_others: leave out voxels that belong to other segments; otherwise segments may overlap with those.
-        corrections: what becomes of segments that were changed by hand.
-        continued: by class id, the ID of the segment that it continues.
-        gone: ids of classes whose segments are to be removed; but corrected ones stay, whatever `corrections` says.
+        corrections: how to treat segments that were changed by hand.
+        continued: ID of the segment that a class continues, by class id.
+        gone: ids of classes whose segments are to be removed; corrected ones stay, whatever `corrections` says.
     """
     grid = grid_in_segmentation(volume_node, segmentation_node)
     segmentation = segmentation_node.GetSegmentation() if segmentation_node else slicer.vtkSegmentation()
@@ -125,7 +127,7 @@ def prepare_segments(
 
 
 def segmentation_state(segmentation_node: Any | None, volume_node: Any) -> tuple[Any, ...]:
-    """What `prepare_segments` goes by, but for its labels; if this has changed, what was prepared is out of date."""
+    """The state of the scene that `prepare_segments` depends on; if it changes, prepared segments are out of date."""
     grid = grid_in_segmentation(volume_node, segmentation_node)
     segmentation = segmentation_node.GetSegmentation() if segmentation_node else slicer.vtkSegmentation()
     segments = ((segment_id, segmentation.GetSegment(segment_id)) for segment_id in segmentation.GetSegmentIDs())
@@ -150,13 +152,13 @@ def grid_in_segmentation(volume_node: Any, segmentation_node: Any | None) -> Geo
 
 
 def takes_transform(segmentation_node: Any) -> bool:
-    """Whether the segmentation is put under the volume's transform, so that both stay together when one is moved."""
+    """Whether the segmentation will be put under the volume's transform, so that both move together."""
     return not segmentation_node.GetSegmentation().GetNumberOfSegments() and not segmentation_node.GetParentTransformNode()
 
 
 @dataclass(frozen=True, eq=False)
 class _Obstacle:
-    """A labelmap with voxels that are taken; `taken` has their labels, by the labels that they do not stand in the way of."""
+    """A labelmap with voxels of other segments; `taken` has their labels, by the class labels that they do not obstruct."""
 
     voxels: np.ndarray
     geometry: Geometry
@@ -183,7 +185,7 @@ def _obstacles(
 
 
 def _fill(target: np.ndarray, labels: ClassLabels, grid: Geometry, obstacles: Sequence[_Obstacle]) -> Steps[list[str]]:
-    """Copy labels to where nothing is in the way, whatever grids the obstacles are on; returns whose are mostly left out."""
+    """Copy labels except where obstacles, on any grids, have voxels; returns the ids of classes that are mostly left out."""
     k, j, i = (slice(0, size) for size in labels.array.shape)
     part_of_grid = grid.part(labels.box)
     left_out = [label for label, class_id in enumerate(labels.class_ids, start=1) if class_id is None]
@@ -207,7 +209,7 @@ def _fill(target: np.ndarray, labels: ClassLabels, grid: Geometry, obstacles: Se
 
 
 def _freed_labelmaps(segmentation: Any, others: Collection[str], ours: Collection[str]) -> Steps[dict[str, Any]]:
-    """For other segments that share a labelmap with ours, that labelmap without ours."""
+    """The shared labelmaps of other segments without the segments `ours`, by ID of the other segment."""
     freed: dict[str, Any] = {}
     for labelmap in labelmaps_of(segmentation, segmentation.GetSegmentIDs()):
         sharing = [segment_id for segment_id in labelmap.labels if segment_id in others]
