@@ -39,10 +39,6 @@ def test_a_file_of_the_panel_imports_at_file_scope_only_what_slicer_has(path: Pa
         assert known, f"{path.name} imports {name}"
 
 
-def test_the_folder_of_the_panel_is_no_package_that_hides_others_of_its_name() -> None:
-    assert not (MODULE / "Widget" / "__init__.py").exists()
-
-
 @pytest.mark.slow
 def test_the_panel_opens_where_torch_cannot_be_imported_and_explains(tmp_path: Path) -> None:
     program = (
