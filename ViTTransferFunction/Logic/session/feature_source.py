@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.system.out_of_memory import is_out_of_memory
@@ -23,11 +22,10 @@ from ..features.networks import Networks
 from ..features.progressive import progressive_cost, progressive_features
 from ..features.settings import FeatureSettings, feature_key, grid_shape
 from ..features.whitening import NormalisedFeatures, Statistics, normalised_features, normalised_size_bytes
-from ..weights.models import PretrainedModel
-from ..weights.sources import Trust, WeightsFile, WeightsUnavailable, find_weights
-from ..weights.store import weights_folder
-from .feature_estimate import FeatureEstimate, WeightsDownload
+from ..weights.sources import WeightsFile
+from .feature_estimate import FeatureEstimate
 from .memory_need import check_memory_for_features
+from .model_weights import ModelWeights
 
 if TYPE_CHECKING:
     import torch
@@ -64,14 +62,10 @@ class FeatureSource:
         volume: intensities and geometry.
         settings: grid and sampling.
         statistics: how the features are normalised.
-        model: the model to compute the features with.
-        weights_path: the user's own file or folder of weights; None: as `find_weights` finds them.
+        weights: those of the model to compute the features with.
         device_name: the device to compute on, one of `DEVICE_NAMES`.
         cache: keeps features between sessions.
         networks: the networks that are open already.
-        trust: asked about downloaded weights whose hash nobody publishes (`find_weights`).
-        ask_first: whether weights may be downloaded only if the last estimate announced the download, so that the user could be
-            asked.
 
     Attributes:
         provenance: where the last features came from; None before there are any.
@@ -82,25 +76,19 @@ class FeatureSource:
         volume: Volume,
         settings: FeatureSettings,
         statistics: Statistics,
-        model: PretrainedModel,
-        weights_path: str | Path | None,
+        weights: ModelWeights,
         device_name: str,
         cache: FeatureCache,
         networks: Networks,
-        trust: Trust | None,
-        ask_first: bool,
     ) -> None:
         self._volume = volume
         self._settings = settings
         self._statistics = statistics
-        self._model = model
-        self._weights_path = weights_path
+        self._weights = weights
+        self._model = weights.model
         self._device_name = device_name
         self._cache = cache
         self._networks = networks
-        self._trust = trust
-        self._ask_first = ask_first
-        self._may_download = not ask_first
         self._note = ""
         self.provenance: FeatureProvenance | None = None
 
@@ -123,12 +111,11 @@ class FeatureSource:
         except (RuntimeError, MemoryError) as error:
             self._leave_device(error)
             estimate = self._estimate(coarse_first)
-        if self._ask_first:
-            self._may_download = estimate.download is not None
+        self._weights.announced(estimate.download)
         return estimate
 
     def _estimate(self, coarse_first: bool) -> FeatureEstimate:
-        weights = self._known_weights
+        weights = self._weights.known
         cached = weights is not None and self._key(weights) in self._cache
         if weights is not None and weights.path.exists() and not cached:
             network = self._networks.network(weights, self._device)
@@ -140,7 +127,7 @@ class FeatureSource:
             return FeatureEstimate(cached, None, self._size_bytes, model=self._model.name)
         memory = feature_memory_bytes(self._volume, self._settings, self._model, self._device)
         memory += self._clicked_bytes(coarse_first)
-        return FeatureEstimate(cached, None, memory, self._download, self._model.name)
+        return FeatureEstimate(cached, None, memory, self._weights.download, self._model.name)
 
     def features(self, progress: Progress, coarse_first: bool) -> Iterator[NormalisedFeatures]:
         """Get the features, normalised; the slow step, once for a volume.
@@ -170,13 +157,13 @@ class FeatureSource:
         yield from self._features(noted, coarse_first)
 
     def _features(self, progress: Progress, coarse_first: bool) -> Iterator[NormalisedFeatures]:
-        weights = self._known_weights
+        weights = self._weights.known
         if weights is None or not (weights.path.exists() or self._key(weights) in self._cache):
-            weights = self._found_weights(progress)
+            weights = self._weights.get(progress)
         check_memory_for_features(self._volume, self._size_bytes, self._key(weights) in self._cache)
         cached = self._cached(self._key(weights))
         if cached is None and not weights.path.exists():
-            weights = self._found_weights(progress)  # What was in the cache was damaged.
+            weights = self._weights.get(progress)  # What was in the cache was damaged.
         self.provenance = FeatureProvenance(
             weights, str(self._device), self._settings.on(self._device).precision, cached is not None
         )
@@ -192,10 +179,6 @@ class FeatureSource:
             normalised = normalised_features(features, self._statistics)
             yield normalised
         self.provenance = replace(self.provenance, not_kept=self._cache.put(normalised.source))
-
-    def _found_weights(self, progress: Progress) -> WeightsFile:
-        name, path, may_download = self._model.name, self._weights_path, self._may_download
-        return find_weights(name, path, allow_download=may_download, trust=self._trust, progress=progress)
 
     def _cached(self, key: str) -> NormalisedFeatures | None:
         """The features from the cache; None if it has none, or if their grid is not the expected one."""
@@ -221,26 +204,6 @@ class FeatureSource:
     @cached_property
     def _device(self) -> torch.device:
         return choose_device(self._device_name)
-
-    @cached_property
-    def _known_weights(self) -> WeightsFile | None:
-        """The weights if they are on this computer, else the published file to come; None if its hash is not published."""
-        try:
-            return find_weights(self._model.name, self._weights_path, allow_download=False)
-        except WeightsUnavailable:
-            if self._model.sha256 is None:
-                return None
-            path = weights_folder() / self._model.file_name
-            return WeightsFile(path, self._model.sha256, self._model, "not on this computer")
-
-    @property
-    def _download(self) -> WeightsDownload | None:
-        """The download of the model's weights; None if nobody publishes them as a file."""
-        model = self._model
-        if model.url is None:
-            return None
-        target = weights_folder() / model.file_name
-        return WeightsDownload(model.name, model.licence, model.homepage, model.url, str(target), model.size_mb, model.sha256)
 
     def _clicked_bytes(self, coarse_first: bool) -> int:
         """Memory for answering clicks from coarse features while the fine ones are computed, and until these replace them."""

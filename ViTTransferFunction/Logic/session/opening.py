@@ -13,6 +13,7 @@ from ..weights.models import PretrainedModel, pretrained_model
 from ..weights.sources import Trust, find_weights, identify_model
 from .close_ups import close_up_settings
 from .feature_source import FeatureSource
+from .model_weights import ModelWeights
 from .presets import preset
 from .segmentation_session import SegmentationSession
 from .settings import SessionSettings
@@ -34,7 +35,7 @@ def open_session(
         cache: where features are kept between sessions; None: the user's cache folder.
         networks: that are open already, where several sessions follow each other.
         trust: asked about downloaded weights whose hash nobody publishes (`find_weights`).
-        ask_first: whether weights are downloaded only if an estimate told of that (`FeatureSource`), and never for close-ups.
+        ask_first: whether weights are downloaded only if an estimate told of that (`ModelWeights`), and never for close-ups.
 
     Raises:
         InputError: a setting cannot be used, or shows nothing of the volume.
@@ -49,8 +50,8 @@ def open_session(
     cache, networks = cache or FeatureCache(), networks or Networks()
 
     def source(of: Volume, how: FeatureSettings) -> FeatureSource:
-        path, device = settings.weights_path, settings.device
-        return FeatureSource(of, how, chosen.statistics, model, path, device, cache, networks, trust, ask_first)
+        weights = ModelWeights(model, settings.weights_path, trust, ask_first)
+        return FeatureSource(of, how, chosen.statistics, weights, settings.device, cache, networks)
 
     def open_part(part: Volume) -> SegmentationSession:
         return SegmentationSession(part, chosen, source(part, close_up_settings(features, part.geometry)))

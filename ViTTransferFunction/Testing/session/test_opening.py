@@ -22,7 +22,7 @@ from ViTTransferFunction.Logic.features import whitening
 from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.features.networks import Networks
 from ViTTransferFunction.Logic.features.precision import precision_name
-from ViTTransferFunction.Logic.session import feature_source
+from ViTTransferFunction.Logic.session import feature_source, model_weights
 from ViTTransferFunction.Logic.session.opening import chosen_model, open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.settings import SessionSettings
@@ -103,7 +103,7 @@ def test_a_network_is_not_taken_for_another_model_because_the_file_is_the_same(
 def test_the_weights_are_hashed_once_for_estimate_and_extraction(
     spheres: Spheres, tiny_weights: SessionSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = Calls(monkeypatch, feature_source, "find_weights")
+    found = Calls(monkeypatch, model_weights, "find_weights")
     session = open_session(spheres[0], tiny_weights)
     session.estimate()
     session.load_features()
