@@ -1,4 +1,4 @@
-"""What features will cost, as shown to the user."""
+"""The estimated cost of features, as shown to the user."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class WeightsDownload:
-    """Weights that are not on this computer: what a user has to know to allow their download.
+    """What a user has to know to allow the download of weights.
 
     Attributes:
-        model: its name.
-        licence: terms of the weights.
-        homepage: who publishes them.
-        url: where they come from.
-        target: the file that they become.
-        size_mb: megabytes (10⁶ bytes) of the file.
-        sha256: hexadecimal hash that the file must have; None where nobody publishes it, and the first file's counts.
+        model: name of the model.
+        licence: licence of the weights.
+        homepage: homepage of the publisher.
+        url: address of the weights.
+        target: path that the file will have.
+        size_mb: size of the file in megabytes (10⁶ bytes).
+        sha256: hexadecimal hash that the file must have; None if none is published, so that the hash of the first download is
+            used.
     """
 
     model: str
@@ -30,14 +31,14 @@ class WeightsDownload:
 
 @dataclass(frozen=True)
 class FeatureEstimate:
-    """What features will cost.
+    """The estimated cost of features.
 
     Attributes:
-        cached: whether they only have to be loaded.
-        seconds: that computing them will take; None where that is not known.
-        memory_bytes: that is in use while they are computed, and clicked on meanwhile; of those in the cache, of these alone.
-        download: of the model's weights; None where they are on this computer, or where nobody publishes them.
-        model: the name of the model that they are of.
+        cached: whether they are in the cache, so that they only have to be loaded.
+        seconds: time to compute them; None if it is not known, or if they are in the cache.
+        memory_bytes: memory while they are computed and clicks are answered; for features in the cache, their own size.
+        download: download of the model's weights; None if they are on this computer, or if nobody publishes them as a file.
+        model: name of the model.
     """
 
     cached: bool

@@ -1,4 +1,4 @@
-"""The one way to open a volume for segmentation."""
+"""Opens a volume for segmentation."""
 
 from __future__ import annotations
 
@@ -27,25 +27,25 @@ def open_session(
     trust: Trust | None = None,
     ask_first: bool = False,
 ) -> SegmentationSession:
-    """A session on a volume; its features are still to be loaded (`SegmentationSession.load_features`).
+    """Make a session on a volume; its features are loaded later (`SegmentationSession.load_features`).
 
     Args:
-        volume: what is to be segmented.
-        settings: what the user chose.
-        cache: where features are kept between sessions; None: the user's cache folder.
-        networks: that are open already, where several sessions follow each other.
+        volume: the volume to segment.
+        settings: the user's settings.
+        cache: keeps features between sessions; None: in the user's cache folder.
+        networks: keeps networks open from one session to the next; None: only for this session.
         trust: asked about downloaded weights whose hash nobody publishes (`find_weights`).
-        ask_first: whether weights are downloaded only if an estimate told of that (`ModelWeights`), and never for close-ups.
+        ask_first: whether weights are downloaded only if an estimate announced it (`ModelWeights`), and never for close-ups.
 
     Raises:
-        InputError: a setting cannot be used, or shows nothing of the volume.
+        InputError: a setting is invalid, or the chosen window shows nothing of the volume.
     """
     features = settings.feature_settings()
     if settings.window is not None:
         check_shows_something(IntensityWindow(*settings.window), volume)
     chosen = preset(settings.preset)
     model = chosen_model(settings)
-    # PyTorch, which knows the devices, takes seconds to load, and is not needed before the features are.
+    # Only the name is checked: PyTorch, which knows the devices, takes seconds to load, and is needed only for features.
     check_device_name(settings.device)
     cache, networks = cache or FeatureCache(), networks or Networks()
 
@@ -60,10 +60,10 @@ def open_session(
 
 
 def chosen_model(settings: SessionSettings) -> PretrainedModel:
-    """The model that the settings name, or else the former one, that of the user's file of weights, or the preset's.
+    """The model that the settings name; otherwise the former one, that of the user's file of weights, or the preset's.
 
     Raises:
-        InputError: a setting cannot be used.
+        InputError: a setting is invalid.
     """
     if settings.model is None and _is_here(settings.former_model, settings.weights_path):
         return pretrained_model(str(settings.former_model))
@@ -71,7 +71,7 @@ def chosen_model(settings: SessionSettings) -> PretrainedModel:
 
 
 def _is_here(model_name: str | None, weights_path: str | None) -> bool:
-    """Whether a model is known whose weights are on this computer."""
+    """Whether a model is named, and its weights are on this computer."""
     if model_name is None:
         return False
     try:

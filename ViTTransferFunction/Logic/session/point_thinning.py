@@ -1,4 +1,4 @@
-"""Fewer points where there are so many that they mostly say the same: a painted structure, or a mask turned into points."""
+"""Reduces very many points, as of a painted structure or a mask, to fewer with the same information."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from ..core.classes.class_request import ClassRequest, different_places
 from ..core.volumes.geometry import Geometry
 
 MOST_POINTS = 500
-"""Of all classes together. Time and memory grow with them, by megabytes each, and a structure is known long before."""
+"""Largest number of points of all classes together. Each takes time and megabytes of memory, and fewer define a structure."""
 _GROWTH = 1.25
 
 
 def thinned(requests: Sequence[ClassRequest], geometry: Geometry) -> list[ClassRequest]:
-    """The same classes with `MOST_POINTS` points at most, or one of each list; as they are, where they have no more.
+    """The same classes with at most `MOST_POINTS` points in total, or one point per list if there are more lists.
 
-    Points of a list that lie in the same place, to the last digit, count once: a double click says no more than a click.
-    Where there are too many, those that lie in one voxel count once as well; and where these are still more than their share,
-    those that lie in one cell, of cells as small as that allows. A close-up stays as large as all points together want it: its
-    features would be computed again whenever other points are left.
+    Equal points of a list are always reduced to one: a double click carries no more information than a click. If there are too
+    many points, each list keeps one in each voxel; if these are still more than its share, one in each cube, of the smallest
+    cubes that suffice. A close-up is enlarged for all points first, since otherwise its features would be computed again
+    whenever other points are kept.
 
     Args:
-        requests: whose points lie in the volume.
-        geometry: of the volume.
+        requests: the classes, whose points lie in the volume.
+        geometry: grid of the volume.
     """
     requests = [_without_repeated(request) for request in requests]
     lists = [points for request in requests for points in (request.positive, request.negative) if len(points)]
@@ -44,7 +44,7 @@ def thinned(requests: Sequence[ClassRequest], geometry: Geometry) -> list[ClassR
 
 
 def _without_repeated(request: ClassRequest) -> ClassRequest:
-    """The class with each place once in each list; itself where that is so."""
+    """The class without repeated points in its lists; the same object if there are none."""
     positive, negative = (different_places(points) for points in (request.positive, request.negative))
     if (len(positive), len(negative)) == (len(request.positive), len(request.negative)):
         return request

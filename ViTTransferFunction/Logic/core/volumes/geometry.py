@@ -1,7 +1,7 @@
-"""Regular voxel grids in patient space, and the points that lie on them.
+"""Regular voxel grids in patient space, and conversions of points between voxel and world coordinates.
 
-One convention everywhere below: world coordinates are RAS millimetres, voxel coordinates are continuous (i, j, k) with integers
-at voxel centres, arrays are indexed (k, j, i).
+Conventions: world coordinates are RAS millimetres, voxel coordinates are continuous (i, j, k) with integers at voxel centres;
+arrays are indexed (k, j, i).
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 
 LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
-"""Flips the first two axes; its own inverse."""
+"""Converts LPS coordinates to RAS, and RAS to LPS: it mirrors the first two axes."""
 
 FLATTEST_AXES = 1e-6
-"""Volume between unit vectors along the axes: of less, nothing is left but what matrices lose in files of single precision."""
+"""Least volume spanned by unit vectors along the axes; smaller ones are due to rounding to single precision in files."""
 
 SMALL_SCAN_MM = 64.0
-"""Where the longest edge of a scan is shorter, lengths that are meant for bodies are so, too, in proportion: they would be a
-large part of what is imaged by a microscope. Parts of bodies, such as a breast of 80 mm, are to keep them."""
+"""If the longest edge of a scan is shorter, lengths that suit human bodies are reduced in proportion, since they would be a
+large part of what a microscope shows. They stay the same in scans of parts of bodies, such as a breast of 80 mm."""
 
 OFF_BORDERS = 1e-3
-"""By how much of a voxel, or of a part of one, points are moved off borders: more than they change by being saved and read."""
+"""Distance by which points are moved off borders, in voxels or parts of voxels: larger than rounding when points are saved."""
 
 Box = tuple[slice, slice, slice]
 """A part of a grid: ranges of k, j and i, each with a start and an end."""
@@ -33,11 +33,11 @@ class Geometry:
 
     Attributes:
         shape: number of voxels along (K, J, I).
-        ijk_to_ras: (4, 4) float64, homogeneous; maps voxel centres to RAS millimetres. Of a scan in a scene, in
-            the scan's own frame: the transforms that it is under there are not in it.
+        ijk_to_ras: (4, 4) float64, homogeneous; maps voxel coordinates to RAS millimetres. For a scan in a scene, these are in
+            the scan's own frame, without the scene's transforms.
 
     Raises:
-        ValueError: the matrix is not finite and invertible.
+        ValueError: the matrix has another shape, or is not finite and invertible.
     """
 
     shape: tuple[int, int, int]
@@ -59,18 +59,18 @@ class Geometry:
 
     @property
     def extent_mm(self) -> np.ndarray:
-        """Edge lengths of the grid's box, voxels' own width included, along (I, J, K), (3,) float64, millimetres."""
+        """Edge lengths of the grid's box, to the outer faces of voxels, along (I, J, K), (3,) float64, millimetres."""
         extent: np.ndarray = self.spacing_mm * self.shape[::-1]
         return extent
 
     @property
     def body_scale(self) -> float:
-        """By what lengths that are meant for bodies are multiplied in this grid, all of a scan; see `body_scale`."""
+        """The factor of `body_scale` if this is the grid of a whole scan."""
         return body_scale(float(self.extent_mm.max()))
 
     @property
     def voxel_volume_mm3(self) -> float:
-        """Volume of one voxel in cubic millimetres, also where the axes are sheared."""
+        """Volume of one voxel in cubic millimetres, also for sheared axes."""
         return float(abs(np.linalg.det(self.ijk_to_ras[:3, :3])))
 
     def ras_to_ijk(self, points_ras: np.ndarray) -> np.ndarray:
@@ -95,11 +95,11 @@ class Geometry:
         return contained
 
     def nearest_voxels(self, points_ras: np.ndarray, parts: int = 1) -> np.ndarray:
-        """The voxel that holds each world point (N, 3) in RAS millimetres, or the nearest: its index along (K, J, I), (N, 3).
+        """Indices (K, J, I) of the voxel that contains each world point (N, 3), RAS millimetres, or of the nearest one; (N, 3).
 
         Args:
-            points_ras: any, also beyond the grid.
-            parts: that each voxel is cut into along each axis; more than 1 gives indices of these instead.
+            points_ras: points inside or outside the grid.
+            parts: number of parts of a voxel along each axis; if more than 1, the indices are those of parts.
         """
         places = np.floor((self.off_borders(points_ras, parts) + 0.5) * parts).astype(int)
         nearest: np.ndarray = np.clip(places, 0, parts * np.array(self.shape) - 1)
@@ -108,26 +108,29 @@ class Geometry:
     def off_borders(self, points_ras: np.ndarray, parts: int = 1) -> np.ndarray:
         """Continuous voxel coordinates (N, 3) along (K, J, I) of world points (N, 3), each moved slightly off voxel borders.
 
-        Where the number of slices is odd, the middle one, which viewers show first, may run along a border of cells. Which cell
-        a click there belongs to must not depend on rounding errors, nor on the order in which the scan is stored: it is the
-        one to the right, anterior or superior.
+        If the number of slices is odd, the middle one, which viewers show first, may run along a border of cells. A click there
+        belongs to the cell to the right, anterior or superior, so that the choice depends neither on rounding errors nor on the
+        order in which the scan is stored.
 
         Args:
-            points_ras: any, also beyond the grid.
-            parts: that each voxel is cut into along each axis: points are moved off these parts' borders, and by less.
+            points_ras: points inside or outside the grid, RAS millimetres.
+            parts: number of parts of a voxel along each axis: points are moved off the borders of parts, by a smaller distance.
         """
         moved: np.ndarray = self.ras_to_ijk(points_ras)[:, ::-1] + OFF_BORDERS / parts * self._towards_ras[::-1]
         return moved
 
     @property
     def _towards_ras(self) -> np.ndarray:
-        """For each of the axes (I, J, K): 1 if it runs to the right, anterior or superior, mostly; otherwise −1."""
+        """For each of the axes (I, J, K): 1 if its main direction is right, anterior or superior, otherwise −1.
+
+        In strongly oblique grids, two axes may have the same main direction, unlike in `canonical_orientation`.
+        """
         axes = self.ijk_to_ras[:3, :3]
         signs: np.ndarray = np.sign(np.take_along_axis(axes, np.abs(axes).argmax(axis=0)[None], axis=0)[0])
         return signs
 
     def resized(self, shape: tuple[int, int, int]) -> Geometry:
-        """The grid of `shape` (K, J, I) that fills the same box: cell borders coincide at the box's faces."""
+        """The grid of `shape` (K, J, I) that fills the same box; outer cell borders lie on the box's faces."""
         scale = np.array(self.shape[::-1], dtype=np.float64) / np.array(shape[::-1], dtype=np.float64)
         # Box corner at voxel coordinate -0.5 on either grid.
         coarse_to_fine = np.diag([*scale, 1.0])
@@ -143,12 +146,12 @@ class Geometry:
 
 
 def body_scale(longest_edge_mm: float) -> float:
-    """By what lengths that are meant for bodies are multiplied in a scan with this longest edge: 1, or less in a small one."""
+    """The factor for lengths that suit human bodies in a scan with this longest edge: 1, or less in a small scan."""
     return min(longest_edge_mm / SMALL_SCAN_MM, 1.0)
 
 
 def _are_in_one_plane(axes: np.ndarray) -> bool:
-    """Whether three vectors, the columns (3, 3), do not span space, however long they are."""
+    """Whether three vectors, the columns (3, 3), do not span space, regardless of their lengths."""
     lengths = np.linalg.norm(axes, axis=0)
     return bool(lengths.min() == 0.0 or abs(np.linalg.det(axes / lengths)) < FLATTEST_AXES)
 
@@ -156,5 +159,5 @@ def _are_in_one_plane(axes: np.ndarray) -> bool:
 def transform_points(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Apply a homogeneous (4, 4) matrix to points (N, 3)."""
     x, y, z = np.asarray(points, dtype=np.float64).reshape(-1, 3).T
-    # A product of matrices takes several times as long where they are so narrow.
+    # A matrix product takes several times as long for such narrow matrices.
     return np.stack([row[0] * x + row[1] * y + row[2] * z + row[3] for row in matrix[:3]], axis=1)

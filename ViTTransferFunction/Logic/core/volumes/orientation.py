@@ -1,7 +1,7 @@
 """The canonical orientation: slices as a person looks at them, in whatever order and direction a file stores its voxels.
 
-The network was trained on upright pictures, and sees a mirrored or turned slice as something else: without this, the same
-scan stored in another order would give other features.
+The network was trained on upright pictures, and its features of a mirrored or rotated slice are different. Without this, the
+same scan stored in another order would give other features.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import numpy as np
 from .geometry import Geometry
 
 CANONICAL_DIRECTIONS_RAS = np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]])
-"""Where the canonical array's axes point: first to inferior, second to posterior, third to the patient's left. So axial slices
-have anterior on top, coronal and sagittal ones superior, and the patient's right, or anterior, is on the left."""
+"""Directions of the canonical array's axes: inferior, posterior and the patient's left. So axial slices have anterior on top,
+coronal and sagittal ones superior; and the patient's right is on the left, in sagittal slices anterior."""
 
 
 @dataclass(frozen=True)
@@ -24,8 +24,8 @@ class Orientation:
     """A permutation and mirroring of array axes.
 
     Attributes:
-        order: the stored array's axis that becomes canonical axis 0, 1 and 2.
-        mirrored: for each canonical axis, whether it runs against the stored one.
+        order: the stored axes that become canonical axes 0, 1 and 2.
+        mirrored: for each canonical axis, whether its direction is opposite to that of the stored one.
     """
 
     order: tuple[int, int, int]
@@ -38,9 +38,8 @@ class Orientation:
     def spread(self, array: np.ndarray, most: int) -> np.ndarray:
         """A view of `most` voxels or fewer of (K, J, I), or (K, J, I, C), with canonical axes.
 
-        They are the same ones however a scan is stored: every n-th along each axis. Every n-th of a flattened
-        array would be others where it is flattened in another order, and of a few columns alone where rows are as long as a
-        multiple of n.
+        They are regularly spaced along each axis, and the same in whatever order a scan is stored. Every n-th voxel of the
+        flattened array would depend on that order, and come from a few columns only if the length of rows is a multiple of n.
         """
         canonical, steps = self.to_canonical(array), [1, 1, 1]
         while math.prod(left := [-(-size // step) for size, step in zip(canonical.shape[:3], steps, strict=True)]) > most:
@@ -53,15 +52,12 @@ class Orientation:
 
     @property
     def runs_along(self) -> tuple[bool, bool, bool]:
-        """Whether the stored array's axes run as their canonical ones do, not against them.
-
-        See `voxels_before`.
-        """
+        """Whether each stored axis has the direction of its canonical one; see `voxels_before`."""
         first, second, third = (not self.mirrored[self.order.index(axis)] for axis in range(3))
         return first, second, third
 
     def canonical_shape(self, shape: tuple[int, int, int]) -> tuple[int, int, int]:
-        """The shape of `to_canonical`, of an array of `shape`."""
+        """The shape of an array of `shape` after `to_canonical`."""
         return shape[self.order[0]], shape[self.order[1]], shape[self.order[2]]
 
 
@@ -83,19 +79,20 @@ def voxels_before(
     from_end: tuple[bool, bool, bool],
     first: tuple[int, int, int] = (0, 0, 0),
 ) -> tuple[int, int, int]:
-    """How far the first block of a divided volume, or of a part of it, begins before the first voxel.
+    """Number of voxels by which the first block of a divided volume, or of a part of it, begins before the first voxel.
 
     With `Orientation.runs_along` as `from_end`, blocks begin at the same end of the patient in whatever direction a scan is
-    stored, and hold the same voxels.
+    stored, and contain the same voxels.
 
     Args:
-        shape: of the volume, (K, J, I).
-        edges: of a block, in voxels.
-        from_end: along which axes a block ends with the volume's last voxel; along the others, one begins with its first.
-        first: the part's first voxel, (K, J, I); that of the whole volume unless given.
+        shape: shape of the volume, (K, J, I).
+        edges: edges of a block along (K, J, I), voxels.
+        from_end: for each axis, whether the last block ends with the volume's last voxel; otherwise the first block begins with
+            its first voxel.
+        first: indices (K, J, I) of the part's first voxel; by default, that of the whole volume.
 
     Returns:
-        Voxels of the first block that lie before `first`, along (K, J, I).
+        Number of voxels of the first block before `first`, along (K, J, I).
     """
     k, j, i = ((start - size * end) % edge for start, size, end, edge in zip(first, shape, from_end, edges, strict=True))
     return k, j, i
