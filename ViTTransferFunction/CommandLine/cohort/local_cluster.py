@@ -1,10 +1,10 @@
-"""A cluster of processes on this computer that nobody else can reach.
+"""A cluster of processes on this computer that nobody else can access.
 
-Whoever can talk to a scheduler or a worker of Dask can have it run any program. All ports are therefore bound to 127.0.0.1.
-Other users of the computer are there, too: so connections are encrypted, and only those get one who hold a key that is made for
-the run and kept in memory. The web pages of scheduler and workers are not served at all.
+Anyone who can connect to a scheduler or worker of Dask can make it run any program. Therefore all ports are bound to 127.0.0.1.
+Since other users of the computer can reach these, connections are encrypted, and need a key that is created for the run and
+kept in memory. The web pages of scheduler and workers are not served.
 
-Imports Dask: to be imported within functions only.
+This file imports Dask, and must be imported within functions only.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from ViTTransferFunction.Logic.core.system.private_folder import private_folder
 
 HOST = "127.0.0.1"
 _CONFIG = {
-    # A worker's death is reported at once: who leads the cohort decides who tries again.
+    # A worker's death is reported at once, since the leader of the cohort decides about retries.
     "distributed.scheduler.allowed-failures": 0,
-    # Cases wait at the scheduler and not at a worker, whose death they would be blamed for.
+    # Cases wait at the scheduler; those that wait at a worker would be blamed for its death.
     "distributed.scheduler.worker-saturation": 1.0,
-    # Dask looks once, by default 15 s after a worker died, and gives up for good one that is not there at that moment: since it
-    # died again, or the computer is slow. When the last one is given up, what is left waits for ever.
+    # Dask checks once, by default 15 s after a worker died, and permanently drops a worker that is not running at that moment,
+    # because it died again or the computer is slow. After the last one was dropped, the remaining cases would wait forever.
     "distributed.deploy.lost-worker-timeout": "365 days",
-    # Set in this process otherwise, where they do not belong.
+    # Dask would otherwise set these variables in this process.
     "distributed.nanny.pre-spawn-environ": {},
     "distributed.comm.timeouts.connect": "30s",
 }
 
 
 class _NoWebPages:
-    """Of a scheduler or worker, in front of its class."""
+    """Mixin before a scheduler's or worker's class, by which it serves no web pages."""
 
     def start_http_server(self, *_: Any, **__: Any) -> None:
-        """Does not."""
+        """Do nothing."""
 
 
 class PrivateScheduler(_NoWebPages, Scheduler):
@@ -55,12 +55,12 @@ class PrivateWorker(_NoWebPages, Worker):
 
 
 class ImpatientNanny(Nanny):
-    """Starts a worker again that died, and does not wait for one that computes when all is to end."""
+    """Restarts a worker that died, and does not wait for one that computes when the cluster ends."""
 
     async def close(self, *args: Any, **kwargs: Any) -> Literal["OK"]:  # type: ignore[override]
-        """End the worker at once: what it has done is in files."""
+        """End the worker at once, since its results are in files."""
         if self.pid:
-            # It may have ended by itself: Windows refuses to end it once more.
+            # If it has ended by itself, Windows refuses to end it again.
             with suppress(OSError):
                 os.kill(self.pid, signal.SIGTERM)
         return await super().close(*args, **kwargs)
@@ -71,17 +71,18 @@ def local_cluster(workers: int, threads: int) -> Iterator[Client]:
     """A client of a new cluster, which ends with the context, whatever it is doing.
 
     Args:
-        workers: processes, each of which computes one case at a time.
-        threads: that each computes with.
+        workers: number of processes, each of which computes one case at a time.
+        threads: number of threads of each worker.
 
     Raises:
-        InputError: a package is missing.
+        InputError: a required package is missing.
     """
     security = _security()
     place = {"host": HOST, "protocol": "tls://", "security": security}
     with ExitStack() as stack:
         scratch = stack.enter_context(private_folder())
-        # The scheduler has Python look for modules in its own folder first, which would lie in one that anybody may have made.
+        # The scheduler makes Python look for modules in its own folder first, which by default lies in one that others can
+        # create.
         stack.enter_context(dask.config.set({**_CONFIG, "temporary-directory": scratch}))
         worker = {
             **place,
@@ -89,7 +90,7 @@ def local_cluster(workers: int, threads: int) -> Iterator[Client]:
             "nthreads": 1,
             "env": _environment(threads),
             "local_directory": scratch,
-            # Dask's own limit would stop a worker for good whose libraries keep memory for the next case.
+            # Dask's own limit would permanently stop a worker whose libraries keep memory for the next case.
             "memory_limit": 0,
             "silence_logs": logging.CRITICAL,
         }
@@ -111,19 +112,19 @@ def _security() -> Security:
 
 
 def _environment(threads: int) -> dict[str, str]:
-    """As `dev.py` and the compute process have it, but for the number of threads."""
+    """The environment of a worker; apart from the number of threads, as in `dev.py` and the compute process."""
     return {"OMP_NUM_THREADS": str(threads), "OMP_WAIT_POLICY": "passive", "OPENBLAS_NUM_THREADS": "1"}
 
 
 @contextmanager
 def _interrupts_held_back() -> Iterator[None]:
-    """Threads and processes that are started within never get a Ctrl-C; this thread gets it afterwards.
+    """Start threads and processes within that never receive a Ctrl-C; this thread receives it afterwards.
 
-    A terminal sends it to all processes. Workers would each print a traceback, while the one who leads them ends them anyway.
-    On Windows, a Ctrl-C that comes within is lost.
+    A terminal sends it to all processes. Each worker would print a traceback, although the leader ends them anyway. On Windows,
+    a Ctrl-C during the context is lost.
     """
     if sys.platform == "win32":
-        # Programs that are started within inherit that they do not hear it.
+        # Programs that are started within inherit that they ignore it.
         import ctypes
 
         hear = ctypes.windll.kernel32.SetConsoleCtrlHandler
@@ -133,7 +134,7 @@ def _interrupts_held_back() -> Iterator[None]:
         finally:
             hear(None, False)
         return
-    # It would be started within, and let Ctrl-C through again.
+    # Started before, since starting it within would unblock Ctrl-C.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

@@ -1,8 +1,8 @@
-"""Slices of different lengths one after the other in the rows of one array, in few sizes.
+"""Packs slices of different lengths into the rows of one array, with few different numbers of rows.
 
-Every layer of a network but attention works on rows alone, so no slice is padded to the longest. But processors' libraries
-compile kernels for every new number of rows, and keep them: some milliseconds and a third of a megabyte each time, between
-which batches that come and go fragment the memory. So there are few different numbers of rows.
+All layers of a network except attention work on single rows, so slices need not be padded to the longest. But libraries for
+CPUs compile and keep kernels for every new number of rows, which takes some milliseconds and a third of a megabyte each time,
+and fragments the memory of batches. So there are few different numbers of rows.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 SLICE_STEP = 32
-"""Slices of chosen patches get rows in multiples of it: also what a processor's matrix units like best."""
+"""Slices of chosen patches are padded to a multiple of this number of rows, which also suits a CPU's matrix units."""
 BATCH_STEP = 128
-"""All slices together get rows in multiples of it."""
+"""All slices together are padded to a multiple of this number of rows."""
 
 
 @dataclass(frozen=True, eq=False)
 class PatchTokens:
-    """One slice as the network reads it: patches of a grid, perhaps not all of them.
+    """The patches of one slice that the network gets: all patches of a grid, or some of them.
 
     Attributes:
         patches: (T, 3·p²) pixels, channel by channel, normalised as the model expects.
-        rows, columns: the slice's grid of patches.
-        places: (T,) int64, row · columns + column of each patch; None where all are there, row by row.
-        multiplicity: (T,) how many alike patches each stands for, itself included; None where each stands for itself.
+        rows, columns: size of the slice's grid of patches.
+        places: (T,) int64, row · columns + column of each patch; None: all patches, row by row.
+        multiplicity: (T,) number of similar patches that each represents, including itself; None: each represents only itself.
     """
 
     patches: Tensor
@@ -39,15 +39,15 @@ class PatchTokens:
 
 
 class PackedSlices:
-    """Which rows belong to which slice: each slice's prefix tokens, its patches, and perhaps padding.
+    """The rows of each slice: its prefix tokens, its patches, and padding if needed.
 
     Args:
-        slices: what is packed.
-        prefix_tokens: number of tokens of a slice that are no patches (class and registers); they come first.
+        slices: the slices to pack.
+        prefix_tokens: number of tokens before a slice's patches (class and register tokens).
 
     Attributes:
-        rows: of the array; the last ones belong to no slice.
-        spans: rows of each slice, padding included.
+        rows: number of rows of the array; the last ones may belong to no slice.
+        spans: rows of each slice, including padding.
         patches: rows of each slice's patches.
     """
 
@@ -57,7 +57,7 @@ class PackedSlices:
         end = 0
         for of_slice in slices:
             start, length = end, prefix_tokens + len(of_slice.patches)
-            # Where all patches are there, slices are alike as it is, and attention does without a mask.
+            # Slices with all patches have equal lengths without padding, and attention needs no mask.
             end = start + (length if of_slice.multiplicity is None else _up_to_multiple(length, SLICE_STEP))
             self.spans.append(slice(start, end))
             self.patches.append(slice(start + prefix_tokens, start + length))

@@ -1,4 +1,4 @@
-"""The close-up that shows a structure as it is known so far: its map's clicked part, its points, and what is around them."""
+"""Chooses the box of a close-up: it encloses the clicked part of a structure's map, its points, and a margin."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from .class_map import ClassMap, in_units_of
 from .close_up import CloseUp, box_of_voxels
 
 MARGIN = 0.045
-"""Around a structure, of the volume's longest edge: what it is to be told apart from has to be in the box as well."""
+"""Margin around a structure, as a share of the volume's longest edge: the box must include the surroundings for comparison."""
 LARGEST_SHARE = 0.15
-"""Of a volume: a larger part of it shows little that the whole does not.
+"""Largest box, as a share of the volume; a larger one shows little more detail than the whole volume.
 
-No less: what is thin and long has a large box, and may gain. The largest box in `Benchmarks/results/close_up.json`, that of an
-aorta, fills a tenth of its scan, and has 0.25 more Dice at five clicks.
-What loses is mostly what the whole shows well already, which its box does not tell.
+It is not smaller, since long, thin structures have large boxes, and may improve. The largest box in
+`Benchmarks/results/close_up.json`, that of an aorta, fills a tenth of its scan, and has 0.25 more Dice at five clicks.
+Structures that lose are mostly those that the whole volume already shows well, which the size of the box does not tell.
 """
 _NEIGHBOURS = np.ones((3, 3, 3), dtype=bool)
 
 
 def close_up_of(similarity: ClassMap, points_ras: np.ndarray, geometry: Geometry, reach_mm: float = math.inf) -> CloseUp:
-    """A close-up of a structure as far as its map and its points show where it is, with a margin around.
+    """The close-up of a structure whose extent is estimated from its map and its points, with a margin.
 
     Args:
-        similarity: the structure's map, of the volume's cells or voxels or of a part of them.
-        points_ras: its positive points (N, 3), N ≥ 1.
-        geometry: of the volume.
-        reach_mm: how far the structure is taken to reach beyond the box of its points at most, whatever its map shows.
+        similarity: the structure's map on the volume's cells or voxels, or on a part of them.
+        points_ras: its positive points (N, 3), N ≥ 1, RAS millimetres.
+        geometry: grid of the volume.
+        reach_mm: largest extent of the structure beyond the box of its points, whatever its map shows.
 
     Raises:
-        InputError: the structure fills so much of the volume that its box shows little else.
+        InputError: the box would be larger than `LARGEST_SHARE` of the volume.
     """
     points = geometry.ras_to_ijk(points_ras)[:, ::-1] + 0.5
     low, high = points.min(axis=0), points.max(axis=0)
@@ -59,12 +59,12 @@ def close_up_of(similarity: ClassMap, points_ras: np.ndarray, geometry: Geometry
 
 
 def _clicked_part(similarity: ClassMap, points_ras: np.ndarray) -> Box | None:
-    """The box of the components of the map above its iso value that hold one of the points; None where none does."""
+    """The box of the map's components above its iso value that contain points; None if there are none."""
     return bounding_box(clicked_components(similarity, points_ras, similarity.iso))
 
 
 def clicked_components(similarity: ClassMap, points_ras: np.ndarray, threshold: float) -> np.ndarray:
-    """(K, J, I) bool: the components of a map of at least `threshold`, in [0, 1], that hold one of the points (N, 3)."""
+    """Components of a map, at least `threshold` in [0, 1], that contain at least one of the points (N, 3): (K, J, I) bool."""
     components, _ = ndimage.label(similarity.array >= in_units_of(similarity.array, threshold), _NEIGHBOURS)
     places = similarity.geometry.nearest_voxels(points_ras[similarity.geometry.contains(points_ras)])
     numbers = components[tuple(places.T)]

@@ -1,4 +1,4 @@
-"""A lock on a file that the operating system opens however the program that has it ends."""
+"""A lock on a file, which the operating system releases however the program that holds it ends."""
 
 from __future__ import annotations
 
@@ -8,10 +8,14 @@ from pathlib import Path
 
 
 def take_lock(descriptor: int) -> bool | None:
-    """Take a file's lock, which closing the file gives back.
+    """Take a file's lock, which is released when the file is closed.
+
+    Args:
+        descriptor: descriptor of the open file.
 
     Returns:
-        True: it is taken; False: another process, or another opening of the file, has it; None: the disk knows no locks.
+        True: the lock is taken; False: another process, or another descriptor of the file, holds it; None: the file system has
+        no locks.
     """
     try:
         if sys.platform == "win32":
@@ -30,7 +34,7 @@ def take_lock(descriptor: int) -> bool | None:
 
 
 def is_at(path: Path, descriptor: int) -> bool:
-    """Whether an open file still lies at its path: who had its lock before may have removed it, but not on Windows."""
+    """Whether an open file is still at its path; except on Windows, the previous holder of its lock may have removed it."""
     try:
         return sys.platform == "win32" or os.path.samestat(path.stat(), os.fstat(descriptor))
     except FileNotFoundError:
