@@ -1,21 +1,20 @@
-"""Similarity learned from the clicks: kernel ridge regression of every class against the rest of the volume.
+"""Learns similarity from the clicks: kernel ridge regression of every class against the rest of the volume.
 
-Eq. 1 of the paper looks like a vote: each cell is as similar as the mean of its cosines with the positive points. Its map can
-not bend around what the user marked as wrong, and cosines of one organ differ from those of the next. Here each class c is a
-function of the cell,
+In Eq. 1 of the paper, the similarity of a cell is the mean of its cosines with the positive points. Such a map cannot take
+negative points into account, and the range of cosines differs between organs. Here each class c is a function of the cell,
 
     S_c(x) = Σ_p α_pc k(x, p),    α = (K + Λ)⁻¹ Y,
 
-over the annotated points and a few random cells p, with target Y_pc 1 where p is a positive point of c and 0 where it is one of
-another class alone, or a negative one of c: they count against c, and so do the random cells. Negative points of other classes
-say nothing of c. Random cells stand for the background; each is believed little (Λ), since any of them may lie in a structure
-of interest, and those that turn out to are dropped.
+over the annotated points and a few random cells p. The target Y_pc is 1 if p is a positive point of c, and 0 if it is a
+positive point of other classes only, a negative point of c, or a random cell. Negative points of other classes do not count for
+c. Random cells represent the background. Each has little weight (large Λ), since any of them may lie in a structure of
+interest, and those that turn out to are dropped.
 
-The kernel k says how alike two places are (`place_kernel`). Where p is an annotated point, it is multiplied by
-(1 − b) + b C_p(x), with C_p how nearly x is joined to p by intensities, and between two points by
-√((1 − b)(1 − b′)) + √(b b′) C (`connected_points`). Later points of a class reach less far where they look unlike those before
-them, and negative ones where they look like the class (`point_reach`). Points at rims are looked at beside themselves
-(`point_places`). What is walled in with a positive point is raised (`closed_structures`).
+The kernel k is the similarity of two places (`place_kernel`). For an annotated point p it is multiplied by (1 − b) + b C_p(x),
+where C_p is the connectedness of x to p by intensities; between two points, by √((1 − b)(1 − b′)) + √(b b′) C
+(`connected_points`). The reach of later points of a class is limited if they look unlike the earlier ones, and that of negative
+points if they look like the class (`point_reach`). Points at rims are moved (`point_places`). Structures within walls that
+contain a positive point are raised (`closed_structures`).
 """
 
 from __future__ import annotations
@@ -58,10 +57,10 @@ from .similarity_map import SimilarityMap
 BACKGROUND_CELLS = 100
 BACKGROUND_ROUNDS = 3
 BACKGROUND_LIMIT = 0.12
-"""Random cells where a class exceeds this are taken to lie inside it, and dropped, in at most so many rounds."""
+"""Random cells in which a class exceeds this are assumed to lie in it, and dropped, in at most `BACKGROUND_ROUNDS` rounds."""
 AROUND_CELLS = 2 / 3
-"""A negative point says something of the whole structure only where the map is high in its own cell and at this distance from
-it, in cells, along each axis. It is less than a cell: close to the border of two cells, only the nearer neighbour counts."""
+"""A negative point is evidence about the whole structure only if the map is high in its own cell and at this distance from the
+point, in cells, along each axis. The distance is less than a cell, so that only the nearer neighbours count."""
 
 
 class KernelRidge:
@@ -69,8 +68,8 @@ class KernelRidge:
 
     Args:
         features: unit feature vectors of the volume's cells.
-        volume: the intensities.
-        intensities: of the volume on the same cells; None: they are looked at now.
+        volume: the volume.
+        intensities: intensities of the volume on the same cells; None: they are computed now.
     """
 
     def __init__(self, features: NormalisedFeatures, volume: Volume, intensities: CellIntensities | None = None) -> None:
@@ -93,7 +92,7 @@ class KernelRidge:
         self._with_cells.write(self._background, self._rows.background)
 
     def seen(self, requests: Sequence[ClassRequest]) -> list[ClassRequest]:
-        """See `SimilarityRule`: later positive points at rims within the structure (`PointPlaces.of_positives`)."""
+        """See `SimilarityRule`: positive points are moved from rims into the structure (`PointPlaces.of_positives`)."""
         seen_at = [self._intensities.point_places.of_positives(request.positive) for request in requests]
         return [
             request if places is request.positive else replace(request, positive=places)
@@ -107,7 +106,8 @@ class KernelRidge:
         between = one_at_a_time(between)
         annotated = annotated_points(requests, self._intensities.point_places.of_negatives)
         with side_thread() as begin:
-            # Flood fills, of many small arrays, beside kernels and sums, which wait for the memory.
+            # Flood fills work on many small arrays, and run in parallel to kernels and sums, which are limited by memory
+            # access.
             finish_joining = begin(partial(self._connected.update, annotated.points_ras, between))
             finish_components = begin(partial(self._intensities.components.update, requests, between))
             points = self._looked_at(annotated)
@@ -119,7 +119,7 @@ class KernelRidge:
             ratio = share / (1.0 - share)
             for turn, together in enumerate(_in_turns(len(requests), first)):
                 if turn:
-                    # Until something is clicked in their own classes, these points' kernels stay as they are.
+                    # The kernels of these points do not change until their own classes get another point.
                     for point in np.flatnonzero(annotated.classes != first):
                         self._rows.add_second(points.row_keys[point], float(ratio[point]))
                 parts = np.stack([1.0 - share, (1.0 - share) * (ratio - self._rows.added(points.row_keys))], axis=1)
@@ -167,14 +167,14 @@ class KernelRidge:
         return proposals_around(iso, at_positives)
 
     def _looked_at(self, annotated: AnnotatedPoints) -> _Points:
-        """What lies at annotated points, and which others each is judged by."""
+        """The features, intensities and positions at annotated points, and the earlier points that limit their reach."""
         places = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
         keys = self._connected.keys(annotated.points_ras)
         before = points_before(annotated.points_ras, annotated.classes, annotated.positive)
         return _Points(annotated, places, keys, before, _row_keys(keys, before, annotated.positive))
 
     def _written_rows(self, points: _Points, finish_joining: Finish, between: Between) -> np.ndarray:
-        """Indices of the points' kernel rows, (P, 2); those of new points are computed now."""
+        """Indices of the points' kernel rows, (P, 2); rows of new points are computed."""
         self._reach.keep(points.row_keys)
 
         def write(index: int, row: np.ndarray) -> np.ndarray:
@@ -199,14 +199,14 @@ class KernelRidge:
         """Solve for α.
 
         Args:
-            points: all annotated ones.
-            joined: C of each pair, (P, P).
-            share: b of each, (P,).
+            points: all annotated points.
+            joined: C of each pair of points, (P, P).
+            share: b of each point, (P,).
             between: called between steps; may raise `Cancelled`.
 
         Returns:
-            α of points and background, (P + B, classes), 0 where a class does not see one; and the same without any negative
-            points, with the background cells that were left.
+            α of points and background cells, (P + B, classes), 0 for those that do not count for a class; and the same without
+            negative points, with the background cells that were not dropped.
         """
         annotated, places = points.annotated, points.places
         targets, reach = annotated.targets, self._reach.of(points.row_keys)
@@ -223,7 +223,7 @@ class KernelRidge:
         weights = solve_each(kernel, ridge, wanted, seen, between)
         for _ in range(BACKGROUND_ROUNDS):
             scores = kernel[len(targets) :] @ weights
-            # A cell that turns out to lie inside any of the classes is no background for the others either.
+            # A cell inside any of the classes is not used as background of the other classes either.
             stays = seen[len(targets) :] & (scores <= BACKGROUND_LIMIT).all(axis=1, keepdims=True)
             if np.array_equal(stays, seen[len(targets) :]):
                 break
@@ -235,27 +235,27 @@ class KernelRidge:
         return weights, solve_each(kernel, ridge, wanted, seen, between)
 
     def _weights_of_rows(self, weights: np.ndarray, rows: np.ndarray, parts: np.ndarray) -> np.ndarray:
-        """α of points and background cells (P + B, classes) as weights of kernel rows, (classes, rows).
+        """Convert α of points and background cells to weights of kernel rows, (classes, rows).
 
         Args:
-            weights: α.
-            rows: of each point, (P, 2).
-            parts: of these rows in its kernel, (P, 2).
+            weights: α, (P + B, classes).
+            rows: indices of the two rows of each point, (P, 2).
+            parts: factors of these rows in the point's kernel, (P, 2).
         """
         of_points, of_background = weights[: len(rows)], weights[len(rows) :]
         of_rows = np.zeros((weights.shape[1], self._rows.count), dtype=np.float32)
         of_rows[:, : len(of_background)] = of_background.T
-        # Added, not set: the same place may have been annotated twice.
+        # Added, because equal points share rows.
         for row, part in zip(rows.T, parts.T, strict=True):
             np.add.at(of_rows.T, row, part[:, None] * of_points)
         return of_rows
 
     def _prior(self, request: ClassRequest, weights: np.ndarray) -> float:
-        """What a class's points lead to expect of its iso value.
+        """The prior of a class's iso value, from its points.
 
         Args:
-            request: of the class.
-            weights: of rows, for its map without any negative points, (rows,).
+            request: the class.
+            weights: weights of rows for the class's map without negative points, (rows,).
         """
         count = _different_positives(request)
         prior = prior_iso(count)
@@ -266,7 +266,7 @@ class KernelRidge:
         return raised_prior(prior, np.clip(lowest, 0.0, 1.0), count)
 
     def _cells_around(self, points_ras: np.ndarray) -> np.ndarray:
-        """The cells of points (P, 3), and of places `AROUND_CELLS` from each along the axes: their indices, (P, 7)."""
+        """Indices of the cells of points (P, 3) and of the places `AROUND_CELLS` from each along the axes, (P, 7)."""
         axes_ras = AROUND_CELLS * self._features.geometry.ijk_to_ras[:3, :3].T
         steps_ras = np.concatenate([np.zeros((1, 3)), axes_ras, -axes_ras])
         return self._cells_at((points_ras[:, None] + steps_ras).reshape(-1, 3)).reshape(-1, len(steps_ras))
@@ -276,26 +276,26 @@ class KernelRidge:
 
     @cached_property
     def _iso_cells_in_volume(self) -> FixedPlaces:
-        # Not before something is refined, which is after the first map.
+        # Computed at the first refinement, so that the first map does not have to wait for it.
         return FixedPlaces(self._volume_geometry, self._intensities.centres_ras[self._intensities.iso_cells])
 
     def _places(self, features: np.ndarray, positions_ras: np.ndarray) -> Places:
         return Places(features, self._centred(positions_ras), self._cdf.around(positions_ras, self._features.geometry))
 
     def _cells_at(self, points_ras: np.ndarray) -> np.ndarray:
-        """The cell that holds each of the points (P, 3), or the nearest one: its index, (P,)."""
+        """Indices of the cells that contain the points (P, 3), or of the nearest ones, (P,)."""
         geometry = self._features.geometry
         cells: np.ndarray = np.ravel_multi_index(tuple(geometry.nearest_voxels(points_ras).T), geometry.shape)
         return cells
 
     def _centred(self, positions_ras: np.ndarray) -> np.ndarray:
-        """In units of σ_x around the volume's centre, so that float32 holds differences of positions far from the origin."""
+        """Positions in units of σ_x relative to the volume's centre, so that float32 is exact enough far from the origin."""
         centred: np.ndarray = ((positions_ras - self._centre_ras) / self._sigma_mm).astype(np.float32)
         return centred
 
 
 def _row_keys(keys: Sequence[bytes], before: Mapping[int, np.ndarray], positive: np.ndarray) -> list[bytes]:
-    """A key for each point's kernel: another one where something else is known of the point, or of those it is judged by."""
+    """A key for each point's kernel, which changes with the key of the point and those of the points that limit its reach."""
     return [
         b"".join(keys[each] for each in before[index]) + (b"then" if positive[index] else b"not") + key
         if index in before
@@ -305,7 +305,7 @@ def _row_keys(keys: Sequence[bytes], before: Mapping[int, np.ndarray], positive:
 
 
 def _in_turns(classes: int, first: int | None) -> list[list[int]]:
-    """The indices of all classes, those together whose maps are computed at once: a single one takes the least time."""
+    """Groups of classes whose maps are computed together; class `first` is a group of its own, which takes the least time."""
     return [[first], [index for index in range(classes) if index != first]] if first is not None else [list(range(classes))]
 
 
@@ -315,14 +315,14 @@ def _different_positives(request: ClassRequest) -> int:
 
 @dataclass(frozen=True, eq=False)
 class _Points:
-    """What is known of all annotated points before their kernels are.
+    """All annotated points, before their kernels are computed.
 
     Attributes:
-        annotated: where they are, and of what.
-        places: what lies there.
-        keys: of their connectedness (`ConnectedPoints.keys`).
-        before: the points by which some are judged (`points_before`).
-        row_keys: of their kernels.
+        annotated: positions, classes and polarities.
+        places: features, positions and intensities at the points.
+        keys: keys of their connectedness (`ConnectedPoints.keys`).
+        before: for some points, by index, the earlier points that limit their reach (`points_before`).
+        row_keys: keys of their kernels.
     """
 
     annotated: AnnotatedPoints
