@@ -1,4 +1,4 @@
-"""Volumes, sessions and points that users open: read from files beside everything else, then handed to the app."""
+"""Opens volumes, sessions and points: files are read in a thread, and their contents are then handed to the app."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
     from .app import WebApp
 
 OPENING = "opening"
-"""What messages are about where nothing could be opened."""
+"""Subject of messages about what could not be opened."""
 SESSION_ENDING = ".mrb"
 
 
 class Opening:
-    """What was asked for last is opened; what was asked for before, and is still being read, is not any more.
+    """Opens the latest requested files; earlier requests that are still being read are dropped.
 
     Args:
-        app: takes what was opened, and shows errors.
+        app: gets the opened volume, session or points, and shows errors.
 
     Attributes:
         series: the question which of several DICOM series to open.
@@ -43,13 +43,13 @@ class Opening:
         self.series = SeriesQuestion(app.server.state)
 
     async def open(self, paths: list[Path], series: str | None = None) -> None:
-        """Open a volume or a session in place of what is open, unless others are asked for meanwhile; errors are shown.
+        """Open a volume or a session in place of the present one, unless others are requested meanwhile; errors are shown.
 
-        A file of points is no scan: its structures are added to the one that is open.
-        Of several DICOM series the user is asked for one, unless `series` says which; the files are needed until then.
+        The structures of a file of points are added to the open scan. If there are several DICOM series, the user is asked to
+        choose one, unless `series` names it; the files must exist until then.
         """
         if self._app.stopping:
-            return  # They were still being sent when the app was asked to end, and nobody would end what they begin.
+            return  # They were still being uploaded when the app was asked to end, and work that begins now would not be ended.
         self._app.try_again(OPENING)
         if are_points(paths):
             self._add_points(paths[0])
@@ -80,19 +80,19 @@ class Opening:
             self._app.report(str(error), OPENING)
 
     def open_sample(self) -> None:
-        """Open the chest CT that is there to try."""
+        """Open the sample scan, a chest CT."""
         try:
             self._app.begin(self.open([sample_path()]))
         except InputError as error:
             self._app.report(str(error), OPENING)
 
     def give_up(self) -> None:
-        """Open nothing of what was asked for."""
+        """Drop all requests."""
         self._paths = []
         self.series.answer("")
 
     def _show(self, name: str) -> None:
-        """Have the page show what is being opened; "": nothing."""
+        """Show the name of what is being opened on the page; "" for nothing."""
         with self._app.server.state as state:
             state.opening = name
 
@@ -109,7 +109,7 @@ class Opening:
         self._app.refresh()
 
     async def _read_or_ask(self, paths: list[Path], folder: Path, series: str | None) -> Callable[[], None] | None:
-        """What `_read` returns, of the series that the user chooses where there are several; None where none was chosen."""
+        """The result of `_read`, for the series that the user chooses if there are several; None if none was chosen."""
         try:
             return await asyncio.to_thread(self._read, paths, folder, series)
         except SeveralSeries as several:
@@ -117,7 +117,7 @@ class Opening:
         return await self._read_or_ask(paths, folder, chosen) if chosen else None
 
     def _read(self, paths: list[Path], folder: Path, series: str | None) -> Callable[[], None]:
-        """Read a volume or a session, by any thread; returns what puts it in place of what is open, by the loop's."""
+        """Read a volume or a session, in any thread; returns a function that opens it, for the event loop's thread."""
         if paths[0].name.lower().endswith(SESSION_ENDING):
             return partial(self._app.replace_by_session, paths[0].name, unpacked_session(paths[0], folder))
         warnings: list[str] = []
@@ -126,12 +126,12 @@ class Opening:
 
 
 def _scan_path(paths: list[Path]) -> str:
-    """Where a scan is, as far as users know: slices that were sent have their folder's name."""
+    """The path of a scan as users know it; for several slices, the name of their folder."""
     return paths[0].parent.name if len(paths) > 1 else _as_users_know(str(paths[0].absolute()), paths)
 
 
 def _as_users_know(text: str, paths: list[Path]) -> str:
-    """A message about files without the private folder that they were sent to, of which users do not know."""
+    """Remove from a message the private folder that files were uploaded to, which users do not know."""
     folder = paths[0].parent
     if not folder.parent.name.startswith(PREFIX):
         return text

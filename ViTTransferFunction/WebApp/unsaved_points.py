@@ -1,4 +1,4 @@
-"""Points that are not saved outlive the app, however it ends: they are offered when their scan is opened again."""
+"""Keeps unsaved points on the disk, however the app ends, and offers them when their scan is opened again."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
     from .app import WebApp
 
 LONGEST_DELAYS = round(LONGEST_DELAY_S / DELAY_S)
-"""So many times the loop waits for an answer that does not come."""
+"""Largest number of delays for which keeping structures waits for maps."""
 
 _Result = TypeVar("_Result")
 
 
 class UnsavedPoints:
-    """Keeps the structures of the open scan on the disk while they are saved nowhere else, and offers what was kept before.
+    """Keeps the structures of the open scan on the disk while they are not saved elsewhere, and offers those kept before.
 
-    A thread does all that concerns the disk, in its order. The loop only says what the structures are.
+    A single thread accesses the disk, so that requests keep their order. The event loop only collects the structures.
 
     Args:
-        app: whose structures they are. Its page shows the offer, and what is wrong.
+        app: the app with the structures. Its page shows the offer and errors.
     """
 
     def __init__(self, app: WebApp) -> None:
@@ -41,25 +41,26 @@ class UnsavedPoints:
         self._problem = ""
         self._scan_path = ""
         self._file: UnsavedFile | None = None
-        # With which classes the scan was opened, which are saved elsewhere, and for which the disk is as it should be.
+        # The classes with which the scan was opened, those that are saved elsewhere, and those for which the disk is up to
+        # date.
         self._opened: Classes = ()
         self._saved: Classes = ()
         self._kept: Classes | None = None
         self._offer(None)
 
     def follow(self, scan_path: str) -> None:
-        """A scan was opened, or a session with one; `scan_path`: where it is, as users know it."""
+        """Begin with a scan that was opened, by itself or with a session; `scan_path` is its path as users know it."""
         session = self._app.session
         self._opened = self._saved = self._kept = session.classes
         self._scan_path = scan_path
-        # Where there is none, there is nothing to keep.
+        # Without a scan, there is nothing to keep.
         with suppress(InputError):
             geometry = session.file_classes.geometry
             self._file = UnsavedFile(array_from_node(session.parameters.volume), geometry)
             self._app.begin(self._look(self._file))
 
     def leave(self) -> None:
-        """The scan is about to be closed: what is not saved may be offered when it is opened again."""
+        """Stop before the scan is closed; unsaved structures may be offered when it is opened again."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -70,30 +71,30 @@ class UnsavedPoints:
         self._offer(None)
 
     def end(self) -> None:
-        """As `leave`, for good; waits until the disk has everything."""
+        """Stop for good, after everything has been written to the disk."""
         self.leave()
         self._disk.shutdown()
 
     def note(self) -> None:
-        """The structures may have changed."""
+        """Note that the structures may have changed, and keep them soon if they have."""
         if self._timer is None and self._file is not None and self._app.session.classes != self._kept:
             self._keep_soon(LONGEST_DELAYS)
 
     @property
     def all_saved(self) -> bool:
-        """Whether all structures are saved elsewhere as they are."""
+        """Whether all structures are saved elsewhere in their present state."""
         return self._app.session.classes == self._saved
 
     def mark_saved(self, classes: Classes) -> None:
-        """These structures are saved elsewhere."""
+        """Note that these structures are saved elsewhere."""
         self._saved, self._kept = classes, None
         self._keep()
 
     def restore(self) -> None:
-        """Have what is offered in place of the structures that the scan was opened with.
+        """Restore the offered structures in place of those that the scan was opened with.
 
         Raises:
-            InputError: all of it is there already.
+            InputError: all of them exist already.
         """
         left = self._offered
         if left is not None:
@@ -102,7 +103,7 @@ class UnsavedPoints:
             self._look_again()
 
     def discard(self) -> None:
-        """Remove what is offered."""
+        """Remove the offered structures from the disk."""
         left = self._offered
         if left is not None:
             self._have_done(partial(remove_left, left.path))
@@ -123,9 +124,9 @@ class UnsavedPoints:
             }  # fmt: skip
 
     async def _look(self, file: UnsavedFile) -> None:
-        """Offer what was left of the scan, the latest first. To find out which scan it is takes a second, where it is large."""
+        """Offer the latest structures that were left of the scan. Identifying a large scan takes a second."""
         unusable: dict[Path, InputError] = {}
-        # What is wrong here is told where something is to be kept.
+        # An error here is shown when structures are to be kept.
         with suppress(InputError):
             left = await self._done(partial(file.latest_left, unusable.__setitem__))
             if self._file is file:
@@ -144,7 +145,7 @@ class UnsavedPoints:
             self._keep()
 
     def _keep(self, instead_of: LeftPoints | None = None) -> None:
-        """Have the disk keep the structures as they are now, unless they are saved elsewhere; then what was left may go."""
+        """Keep the present structures on the disk or, if they are saved elsewhere, remove those kept before."""
         session = self._app.session
         if self._file is None or (session.classes == self._kept and instead_of is None):
             return
@@ -161,7 +162,7 @@ class UnsavedPoints:
         return await asyncio.get_running_loop().run_in_executor(self._disk, work)
 
     def _have_done(self, work: Callable[[], object]) -> None:
-        """Have the thread do something; what goes wrong is shown."""
+        """Run work in the disk's thread; errors are shown."""
         loop = asyncio.get_running_loop()
 
         def tell(done: Future[object]) -> None:
@@ -172,7 +173,7 @@ class UnsavedPoints:
         self._disk.submit(work).add_done_callback(tell)
 
     def _tell(self, error: BaseException | None) -> None:
-        """Show why structures are not kept, until they are again; None: they are."""
+        """Show why structures are not kept, until they are kept again (None)."""
         if error is not None and not isinstance(error, InputError):
             raise error
         problem, self._problem = self._problem, "" if error is None else str(error)
