@@ -73,7 +73,7 @@ def test_every_name_in_a_file_that_a_document_refers_to_is_there(document: Path)
 
 def test_the_document_of_the_command_line_names_every_option_and_no_other() -> None:
     text = (ROOT / "docs" / "COMMAND_LINE.md").read_text(encoding="utf-8")
-    commands = re.sub(r"(?m)^    (python|dask) .*$", "", text)
+    commands = re.sub(r"(?m)^    (python|dask|Slicer) .*$", "", text)
     named = set(re.findall(r"(?<![\w-])--[a-z0-9][a-z0-9-]*", commands))
     assert named == options(build_parser()) - SHOWN_AS_LETTERS
 
