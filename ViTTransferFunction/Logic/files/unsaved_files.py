@@ -94,6 +94,10 @@ class UnsavedFile:
         path = self._path
         try:
             make_private(path.parent)
+            if self._lock is not None and not is_at(_lock_of(path), self._lock):
+                # The cache folder was removed by hand, and others would take the file for one that was left behind.
+                os.close(self._lock)
+                self._lock = None
             if self._lock is None:
                 self._lock = _locked(_lock_of(path))
             write_annotations(classes, path, {"scan": scan_path, "model": model})
