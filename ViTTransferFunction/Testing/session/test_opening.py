@@ -22,7 +22,7 @@ from ViTTransferFunction.Logic.features import whitening
 from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.features.networks import Networks
 from ViTTransferFunction.Logic.features.precision import precision_name
-from ViTTransferFunction.Logic.session import feature_source, model_weights
+from ViTTransferFunction.Logic.session import model_weights
 from ViTTransferFunction.Logic.session.opening import chosen_model, open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.settings import SessionSettings
