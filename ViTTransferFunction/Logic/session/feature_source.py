@@ -137,9 +137,9 @@ class FeatureSource:
             coarse_first: whether coarse features are wanted first (`progressive_features`).
 
         Yields:
-            Features of ever finer detail; the last are the final ones. They are in the cache when the iteration ends, if
-            it can keep them (`FeatureProvenance.not_kept`). If a
-            graphics card runs out of memory or gives wrong results, the processor begins again with the first features.
+            Features of ever finer detail; the last are the final ones. They are in the cache when the iteration ends, if it can
+            keep them (`FeatureProvenance.not_kept`). If a graphics card runs out of memory or gives wrong results, the
+            processor begins again with the first features.
 
         Raises:
             InputError: weights or device are not to be had, the weights do not fit, or memory is not enough.
