@@ -87,8 +87,8 @@ class FeatureCache:
         path = self._path(features.key)
         try:
             make_private(self.folder)
+            self._check_room(features.array.nbytes)
             with replacing(path) as temporary, temporary.open("wb") as file:
-                self._check_room(features.array.nbytes)
                 write_features(file, features)
             set_rights(path, 0o600)
         except (OSError, InputError) as error:

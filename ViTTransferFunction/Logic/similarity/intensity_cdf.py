@@ -21,7 +21,7 @@ LONGEST_STEP_CELLS = 1 / 3
 """Samples of a mean are no farther apart than this share of a cell, or than voxels along their thinnest axis. Averaged over
 three slices as thick as a cell, a nodule in a lung looked like lung."""
 _LEVELS = 512
-_STEPS = np.array([-1.0, 0.0, 1.0])
+_NEIGHBOURS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64) - 1.0
 
 
 class IntensityCdf:
@@ -49,7 +49,7 @@ class IntensityCdf:
         """
         ijk = self._volume.geometry.ras_to_ijk(points_ras)
         total, count = np.zeros(len(ijk)), np.zeros(len(ijk))
-        for offset in np.stack(np.meshgrid(*(step * _STEPS for step in self._steps(cells)), indexing="ij"), -1).reshape(-1, 3):
+        for offset in _NEIGHBOURS * self._steps(cells):
             samples = self._sample(ijk + offset)
             finite = np.isfinite(samples)
             total[finite] += samples[finite]
@@ -117,6 +117,6 @@ def _four_weights(cells: int, voxels: int, step: float) -> tuple[np.ndarray, np.
     """
     centres = (np.arange(cells)[:, None] + 0.5) * (voxels / cells) - 0.5
     near = np.floor(centres).astype(int) + np.arange(-1, 3)
-    apart = np.abs((centres + step * _STEPS)[:, :, None] - near[:, None])
+    apart = np.abs((centres + step * np.arange(-1, 2))[:, :, None] - near[:, None])
     # Beyond the border its voxels go on.
     return np.clip(near, 0, voxels - 1), np.maximum(1.0 - apart, 0.0).mean(axis=1)
