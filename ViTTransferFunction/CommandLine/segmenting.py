@@ -56,7 +56,7 @@ def segment_classes(
             nothing or were placed on another scan, and which classes have no voxel.
 
     Raises:
-        InputError: the annotations are not usable, the weights are not to be had, or the cache's disk is full.
+        InputError: the annotations are not usable, or the weights are not to be had.
     """
     # Before the features, which may take minutes.
     check_requests([annotated.request for annotated in classes], session.volume.geometry)

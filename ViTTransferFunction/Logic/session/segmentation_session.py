@@ -85,8 +85,8 @@ class SegmentationSession:
             on_coarse: called whenever coarse or finer features can be used; None: only the final ones are computed.
 
         Raises:
-            InputError: the weights or the device are not available, the weights do not fit the model, memory is not enough, or
-                the cache's disk is full.
+            InputError: the weights or the device are not available, the weights do not fit the model, or memory is not
+                enough.
             Cancelled: by the progress callback; coarse features that are there already can still be used.
         """
         source = self._the_source
