@@ -20,7 +20,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from ..core.system.errors import InputError
-from ..core.volumes.orientation import voxels_before
 from . import large_arrays
 
 if TYPE_CHECKING:
@@ -65,11 +64,11 @@ class GridLayout:
         spacing_mm: tuple[float, float, float],
         sigma_spatial_mm: float,
         sigma_luma: float,
-        from_end: tuple[bool, bool, bool] = (False, False, False),
+        border: tuple[int, int, int] = (0, 0, 0),
     ) -> GridLayout:
         """The layout whose cells are as near to `sigma_spatial_mm` as possible along each axis, and have `sigma_luma` in luma.
 
-        Along each axis, the first cell begins with the first voxel; if `from_end`, the last cell ends with the last voxel.
+        Along each axis, a cell begins with the voxel of index `border`, or would if the volume reached as far.
 
         Raises:
             InputError: the grid would be too large to hold.
@@ -81,7 +80,8 @@ class GridLayout:
                 f"{tuple(float(s) for s in spacing_mm)} mm into {layout.dense_cells:.3g} cells; expected at most "
                 f"{MAX_DENSE_CELLS:.3g}. Raise either sigma, or refine a smaller region."
             )
-        return replace(layout, before=voxels_before(voxels, layout.cell_voxels, from_end))
+        k, j, i = (-at % edge for at, edge in zip(border, layout.cell_voxels, strict=True))
+        return replace(layout, before=(k, j, i))
 
     @classmethod
     def sigma_that_fits_mm(

@@ -96,7 +96,7 @@ def refine_map(
     threshold: float | None = None,
     between: Between = nothing_between,
     in_place: bool = False,
-    from_end: tuple[bool, bool, bool] = (False, False, False),
+    border: tuple[int, int, int] = (0, 0, 0),
 ) -> BilateralSolution:
     """Refine a coarse map to the resolution and the edges of the volume that it describes.
 
@@ -109,7 +109,7 @@ def refine_map(
         threshold: solve only near voxels at which the map exceeds this; elsewhere it is interpolated. None solves everywhere.
         between: called between short steps; may raise `Cancelled`.
         in_place: write the solution into the map, which must be finite and have the volume's resolution.
-        from_end: along (K, J, I), whether the grid's cells begin at the volume's last voxel.
+        border: index (K, J, I) of a voxel with which a cell of the grid begins along each axis.
 
     Raises:
         InputError: a shape, the spacing or the window is invalid, or no voxel of the map is finite.
@@ -118,7 +118,7 @@ def refine_map(
     _check_volume("low-resolution map", low_resolution_map)
     _check_volume("volume", intensities)
     settings = settings or BilateralSolverSettings()
-    layout = _layout(intensities, spacing_mm, settings, from_end)
+    layout = _layout(intensities, spacing_mm, settings, border)
     active = None if threshold is None else _active_cells(low_resolution_map, threshold, layout, between)
     with Workers(intensities.device, intensities.numel(), between) as workers:
         if in_place:
@@ -187,14 +187,14 @@ def _layout(
     volume: Tensor,
     spacing_mm: Sequence[float],
     settings: BilateralSolverSettings,
-    from_end: tuple[bool, bool, bool] = (False, False, False),
+    border: tuple[int, int, int] = (0, 0, 0),
 ) -> GridLayout:
     spacing_k, spacing_j, spacing_i = (float(s) for s in spacing_mm)
     if not all(s > 0.0 and math.isfinite(s) for s in spacing_mm):
         raise InputError(f"Bilateral solver: spacing_mm is {tuple(spacing_mm)}; expected three finite numbers above 0.")
     k, j, i = volume.shape
     spacing = spacing_k, spacing_j, spacing_i
-    return GridLayout.of_sigmas((k, j, i), spacing, settings.sigma_spatial_mm, settings.sigma_luma, from_end)
+    return GridLayout.of_sigmas((k, j, i), spacing, settings.sigma_spatial_mm, settings.sigma_luma, border)
 
 
 def _active_cells(where: Tensor, threshold: float, layout: GridLayout, between: Between = nothing_between) -> Tensor:

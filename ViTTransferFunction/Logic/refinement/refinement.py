@@ -14,7 +14,7 @@ from ..core.system.progress import Between, nothing_between
 from ..core.volumes.bounding_box import bounding_box, covering_box, grown, whole_box, within
 from ..core.volumes.geometry import Box
 from ..core.volumes.intensity_window import IntensityWindow
-from ..core.volumes.orientation import canonical_orientation
+from ..core.volumes.orientation import Orientation, canonical_orientation
 from ..core.volumes.resampling import sample_at
 from ..core.volumes.torch_arrays import array_of, tensor_of
 from ..core.volumes.volume import Volume
@@ -167,12 +167,24 @@ def _refine_part(
     spacing_mm = volume.geometry.spacing_mm[::-1]
     if method == "bilateral":
         cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())
-        from_end = canonical_orientation(volume.geometry).runs_along
-        _solve(target, intensities, window, spacing_mm, cell_edge_mm, near, from_end, between)
+        usual_box = active_box(similarity > _near(iso, None), volume.shape) or box
+        border = _grid_border(usual_box, box, canonical_orientation(volume.geometry))
+        _solve(target, intensities, window, spacing_mm, cell_edge_mm, near, border, between)
         # The solver finds deviations from a mean; adding the mean may give values slightly below 0 by rounding.
         np.clip(target, 0.0, 1.0, out=target)
     else:
         target[...] = _filtered(target, intensities, window, spacing_mm, volume.longest_edge_mm)
+
+
+def _grid_border(usual_box: Box, box: Box, orientation: Orientation) -> tuple[int, int, int]:
+    """Index in `box`, (K, J, I), at which cells of the bilateral grid begin: at an end of the box of the usual size.
+
+    For a larger size, a larger box is refined. If the cells began at its ends, voxels would share cells with other voxels than
+    in the usual size, and some of the structure's voxels would be lost.
+    """
+    ends = zip(usual_box, box, orientation.runs_along, strict=True)
+    k, j, i = ((usual.stop if from_end else usual.start) - whole.start for usual, whole, from_end in ends)
+    return k, j, i
 
 
 def active_box(active: np.ndarray, shape: tuple[int, ...]) -> Box | None:
@@ -188,7 +200,7 @@ def _solve(
     spacing_mm: np.ndarray,
     cell_edge_mm: float,
     threshold: float,
-    from_end: tuple[bool, bool, bool],
+    border: tuple[int, int, int],
     between: Between,
 ) -> None:
     """Replace the target by the bilateral solver's solution.
@@ -204,7 +216,7 @@ def _solve(
     bounds = (window.low, window.high)
     settings = BilateralSolverSettings(sigma_spatial_mm=sigma_mm)
     tensors = tensor_of(target), tensor_of(intensities)
-    refine_map(*tensors, bounds, spacing_mm.tolist(), settings, threshold, between, in_place=True, from_end=from_end)
+    refine_map(*tensors, bounds, spacing_mm.tolist(), settings, threshold, between, in_place=True, border=border)
 
 
 def _filtered(

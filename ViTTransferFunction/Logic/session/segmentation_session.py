@@ -188,8 +188,9 @@ class SegmentationSession:
         """S_H of the index-th class from its S_L, sharpened where the class asks for it, and its threshold.
 
         The threshold is chosen again, since refinement changes the range of the map. The map is always refined for the chosen
-        proposal, whatever the class's size, so that a larger size never makes the structure smaller. `between` is called
-        between steps, and may raise `Cancelled`.
+        proposal, whatever the class's size: a smaller size is a higher threshold of the same map. For a larger size, voxels
+        farther out are refined as well, which changes the others slightly, so that the structure may lose a few voxels of its
+        surface while it grows. `between` is called between steps, and may raise `Cancelled`.
         """
         requests = thinned(requests, self.volume.geometry)
         request = requests[index]

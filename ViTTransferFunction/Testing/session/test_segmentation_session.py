@@ -66,6 +66,23 @@ def test_a_smaller_structure_is_a_higher_threshold_on_the_same_map(session: Segm
     np.testing.assert_array_equal(usual.voxels.array, smaller.voxels.array)
 
 
+def test_a_larger_size_loses_hardly_a_voxel_of_a_noisy_structure(spheres: Spheres) -> None:
+    volume, labels = spheres
+    noise = np.random.default_rng(3).normal(0.0, 120.0, labels.shape)
+    noisy = replace(volume, array=(volume.array + noise).astype(np.float32))
+    cache_known_features(noisy, labels)
+    session = open_session(noisy, SessionSettings(grid=GRID))
+    assert session.load_features().cached
+    before = np.zeros(labels.shape, dtype=bool)
+    for size in (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0):
+        request = ClassRequest("sphere", centre_ras(spheres, 3), size=size)
+        refined = session.refined_map(session.low_resolution_maps([request])[0], [request], 0, "bilateral")
+        now = refined.voxels.array >= refined.iso
+        assert (before & ~now).sum() <= 0.006 * before.sum()
+        assert now.sum() > before.sum()
+        before = now
+
+
 @pytest.mark.parametrize("refinement", ["bilateral", "guided"])
 def test_a_refined_segment_leaves_out_what_was_clicked_as_not_its_own(
     session: SegmentationSession, spheres: Spheres, refinement: RefinementMethod
