@@ -70,7 +70,8 @@ class SegmentationProxy:
         phase: how far the volume is.
         voxels: digest of the volume's voxels (`Taken`); empty until known.
         usable: whether maps can be had: once features are ready, or while they still become finer.
-        not_kept: why its features will have to be computed again next time, in words for the user; empty where they will not.
+        not_kept: why its features or a close-up's will have to be computed again next time, in words for the user; empty where
+            they will not.
         estimate: what its features will cost; None until known.
         progress: of the running work; None where nothing runs that takes long.
         awaiting_close_ups: ids of the classes whose `low_maps` are of the whole volume until their close-ups are there.
@@ -92,7 +93,7 @@ class SegmentationProxy:
             (ReleaseVolume, Done): lambda request, reply: set(),
             (Prepare, FeatureEstimate): self._on_estimate,
             (Extract, Loaded): self._on_features,
-            (LookCloser, Done): self._on_close_ups,
+            (LookCloser, Loaded): self._on_close_ups,
             (ComputeMaps, Maps): self._on_maps,
             (MeasureMaps, Volumes): self._on_volumes,
             (RefineMaps, RefinedMaps): self._on_refined_maps,
@@ -372,7 +373,8 @@ class SegmentationProxy:
         self._due.features_came()
         return {"state"}
 
-    def _on_close_ups(self, request: LookCloser, reply: Done) -> set[Event]:
+    def _on_close_ups(self, request: LookCloser, reply: Loaded) -> set[Event]:
+        self.not_kept = reply.not_kept
         self._due.features_came()
         return {"state"}
 

@@ -71,7 +71,7 @@ class Extract:
 
 @dataclass(frozen=True)
 class LookCloser:
-    """Load the features of all classes' close-ups, from the cache or by computing them. Replied to by `Done`."""
+    """Load the features of all classes' close-ups, from the cache or by computing them. Replied to by `Loaded`."""
 
     classes: tuple[ClassRequest, ...]
 
@@ -159,7 +159,7 @@ class Loaded:
     """The features are loaded.
 
     Attributes:
-        not_kept: see `FeatureProvenance`.
+        not_kept: see `SegmentationSession.not_kept`.
     """
 
     not_kept: str

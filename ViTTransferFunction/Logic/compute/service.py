@@ -156,18 +156,18 @@ class SegmentationService:
         # It may be a segmentation from coarse features, if the computation of finer ones was cancelled before.
         self._segmented = None
         self._on_preparable()
-        provenance = session.load_features(self._progress, self._on_coarse and self._tell_of_coarse)
+        session.load_features(self._progress, self._on_coarse and self._tell_of_coarse)
         self._on_preparable()
-        return Loaded(provenance.not_kept)
+        return Loaded(session.not_kept)
 
     def _tell_of_coarse(self) -> None:
         assert self._on_coarse is not None
         self._on_preparable()
         self._on_coarse()
 
-    def _look_closer(self, request: LookCloser) -> Done:
+    def _look_closer(self, request: LookCloser) -> Loaded:
         self._the_session.look_closer(request.classes, self._progress)
-        return Done()
+        return Loaded(self._the_session.not_kept)
 
     def _compute_maps(self, request: ComputeMaps) -> Maps:
         session = self._the_session

@@ -123,12 +123,17 @@ class CloseUps:
     Args:
         volume: the whole volume.
         open_part: makes a session on a part of it; None: there are no close-ups, and all classes use the whole volume.
+
+    Attributes:
+        not_kept: why the features of a close-up could not be stored in the cache, the first time that this happened; "" if it
+            never has.
     """
 
     def __init__(self, volume: Volume, open_part: Callable[[Volume], PartSession] | None) -> None:
         self._volume = volume
         self._open_part = open_part
         self._parts: dict[str, Part | None] = {}
+        self.not_kept = ""
 
     def of(self, request: ClassRequest) -> Part | None:
         """The part in which a class is looked at; None if that is the whole volume, perhaps only until `load` is called."""
@@ -159,7 +164,9 @@ class CloseUps:
             session = self._open_part(self._volume.part(box))
         except InputError:
             return None  # It has a single intensity, or fewer voxels along its longest edge than a grid has cells.
-        session.load_features(lambda done, total, what: progress(done, total, f"Looking closer at {request.name}"))
+        provenance = session.load_features(lambda done, total, what: progress(done, total, f"Looking closer at {request.name}"))
+        # The first reason stays, because a full disk is described in megabytes, which differ from close-up to close-up.
+        self.not_kept = self.not_kept or provenance.not_kept
         session.prepare_clicks()
         return Part(box, session)
 

@@ -131,6 +131,14 @@ class SegmentationSession:
         return self._source.provenance
 
     @property
+    def not_kept(self) -> str:
+        """Why features of the volume or of a close-up could not be stored in the cache, a sentence for the user; "" if all are.
+
+        Raises RuntimeError before `load_features`.
+        """
+        return self.provenance.not_kept or self._close_ups.not_kept
+
+    @property
     def features(self) -> NormalisedFeatures:
         """The volume's features. Raises RuntimeError before `load_features`."""
         return self._the_loaded.features

@@ -16,7 +16,6 @@ from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
 from ViTTransferFunction.Logic.compute.requests import (
     CoarseFeatures,
     ComputeMaps,
-    Done,
     Extract,
     Failed,
     GivenUp,
@@ -202,7 +201,7 @@ def test_close_ups_are_looked_at_before_anything_is_measured_or_refined(
     assert looked_at.progress is not None
     assert looked_at.progress.what == "Looking closer at liver"
     assert looked_at.looks_closer
-    client.answer(LookCloser, Done())
+    client.answer(LookCloser, Loaded(""))
     looked_at.poll()
     assert (looked_at.progress, looked_at.looks_closer) == (None, False)
     assert client.asked[-1] == ComputeMaps((CLOSER, SPLEEN))
@@ -278,7 +277,7 @@ def test_another_close_up_waits_for_the_one_that_is_being_made(looked_at: Segmen
     assert client.cancelled == []
     client.answer(ComputeMaps, Maps((MAP, MAP), awaiting_close_ups=("liver", "spleen")))
     looked_at.poll()
-    client.answer(LookCloser, Done())
+    client.answer(LookCloser, Loaded(""))
     looked_at.poll()
     client.answer(ComputeMaps, Maps((MAP, MAP), awaiting_close_ups=("spleen",)))
     looked_at.poll()

@@ -459,6 +459,12 @@ def test_why_features_are_not_kept_is_known_until_another_volume_is_opened(
     assert proxy.not_kept == ""
 
 
+def test_why_features_of_a_close_up_are_not_kept_is_known_as_well(looked_at: SegmentationProxy, client: StubClient) -> None:
+    client.answer(LookCloser, Loaded("The disk is full."))
+    assert looked_at.poll() == {"state"}
+    assert (looked_at.phase, looked_at.not_kept, looked_at.take_error()) == ("ready", "The disk is full.", None)
+
+
 def test_a_process_that_was_started_ahead_serves_the_volume_that_is_chosen_then(client: StubClient) -> None:
     started: list[StubClient] = []
 

@@ -17,7 +17,6 @@ import pytest
 from ViTTransferFunction.Logic.compute.client import ComputeClient
 from ViTTransferFunction.Logic.compute.requests import (
     ComputeMaps,
-    Done,
     Extract,
     Failed,
     FirstMap,
@@ -303,7 +302,7 @@ def test_a_class_is_looked_at_closely_between_one_answer_and_the_next(client: Co
     refined_before = reply_to(client, client.request(RefineMaps(requests, Refinement())))
     assert before.awaiting_close_ups
     assert np.array_equal(before.maps[0].array, low.array)
-    assert reply_to(client, client.request(LookCloser(requests))) == Done()
+    assert reply_to(client, client.request(LookCloser(requests))) == Loaded("")
     after = reply_to(client, client.request(ComputeMaps(requests)))
     assert not after.awaiting_close_ups
     assert not np.array_equal(after.maps[0].array, low.array)

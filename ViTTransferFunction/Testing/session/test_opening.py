@@ -259,3 +259,25 @@ def test_features_are_used_where_the_disk_of_the_cache_is_full(
     assert "disk is full" in session.load_features().not_kept
     assert session.features is not None
     assert FeatureCache().entries() == []
+
+
+def test_why_features_of_a_close_up_are_not_kept_is_told_once_for_all_close_ups(
+    tiny_weights: SessionSettings, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = open_session(spheres[0], tiny_weights)
+    session.load_features()
+    near, far = (
+        ClassRequest(f"sphere {label}", centre, close_up=CloseUp(tuple(centre[0]), (40.0, 40.0, 40.0)))
+        for label in (1, 3)
+        for centre in [centre_ras(spheres, label)]
+    )
+    assert session.not_kept == ""
+    usage = namedtuple("usage", "total used free")
+    free_bytes = 10_000_000
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10**9, 0, free_bytes))
+    session.look_closer([near])
+    assert "disk is full: 10 MB free" in session.not_kept
+    # That there is less room now is no news.
+    free_bytes = 5_000_000
+    session.look_closer([near, far])
+    assert "disk is full: 10 MB free" in session.not_kept
