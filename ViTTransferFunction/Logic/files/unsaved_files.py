@@ -43,6 +43,8 @@ PLACE_DIGITS = 3
 
 _OTHERS_LOOK_S = 1.0
 """Much longer than other processes hold a lock to test it."""
+_LOOKS, _LOOK_AGAIN_S = 3, 0.01
+"""How often a lock is tested that is held, and the seconds in between: another process may hold it only to test it."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,9 @@ class UnsavedFile:
                 try:
                     return _read(path, self._geometry)
                 except InputError as error:
-                    on_unusable(path, error)
+                    # The program that it belonged to may have removed it meanwhile.
+                    if path.exists():
+                        on_unusable(path, error)
         return None
 
     @cached_property
@@ -223,14 +227,19 @@ def _changed_s(path: Path) -> float:
 
 def _is_written_to(path: Path) -> bool:
     """Whether a file's scan is still open, in this program or another one."""
-    try:
-        descriptor = os.open(_lock_of(path), os.O_RDWR)
-    except OSError:
-        return False
-    try:
-        return take_lock(descriptor) is False
-    finally:
-        os.close(descriptor)
+    for look in range(_LOOKS):
+        if look:
+            time.sleep(_LOOK_AGAIN_S)
+        try:
+            descriptor = os.open(_lock_of(path), os.O_RDWR)
+        except OSError:
+            return False
+        try:
+            if take_lock(descriptor) is not False:
+                return False
+        finally:
+            os.close(descriptor)
+    return True
 
 
 def _remove_oldest(written: Path) -> None:
