@@ -6,7 +6,6 @@ import io
 import json
 import shutil
 import sys
-from collections import namedtuple
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
 from ViTTransferFunction.Logic.files.volume_files import image_geometry, read_volume
 from ViTTransferFunction.Logic.weights.download import DownloadFailed
+from ViTTransferFunction.Testing.support.disks import set_free_space
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.volumes import write_two_structures
 
@@ -329,8 +329,7 @@ def test_an_output_that_cannot_be_written_is_refused_before_any_work(
 def test_a_full_cache_disk_stops_no_work(
     tmp_path: Path, scan: Path, real_weights: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(100, 99, 1))
+    set_free_space(monkeypatch, 1)
     path, output = points_file(tmp_path, [LEFT]), tmp_path / "out.seg.nrrd"
     arguments = ["segment", str(scan), "--annotations", str(path), "-o", str(output), "--weights", str(real_weights)]
     assert main(arguments) == 0

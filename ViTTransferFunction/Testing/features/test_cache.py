@@ -9,10 +9,8 @@ import io
 import logging
 import os
 import re
-import shutil
 import time
 import zipfile
-from collections import namedtuple
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -27,6 +25,7 @@ from ViTTransferFunction.Logic.features import cache as cache_module
 from ViTTransferFunction.Logic.features.cache import SPARE_BYTES, FeatureCache
 from ViTTransferFunction.Logic.features.feature_file import write_features
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume, Moments
+from ViTTransferFunction.Testing.support.disks import set_free_space
 
 
 def key(name: str) -> str:
@@ -223,8 +222,7 @@ def test_a_folder_that_cannot_be_written_is_told_once_and_nothing_else_happens(
 def test_a_disk_that_does_not_say_how_large_it_is_is_not_taken_for_a_full_one(
     cache: FeatureCache, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(0, 0, 0))
+    set_free_space(monkeypatch, 0, total_bytes=0)
     assert cache.put(features_named("a")) == ""
     assert key("a") in cache
 
@@ -370,8 +368,7 @@ def test_size_is_shown_and_clearing_frees_it(cache: FeatureCache) -> None:
 
 
 def test_features_that_would_fill_the_disk_are_not_kept(cache: FeatureCache, monkeypatch: pytest.MonkeyPatch) -> None:
-    usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10**9, 10**9 - SPARE_BYTES, SPARE_BYTES))
+    set_free_space(monkeypatch, SPARE_BYTES)
     assert re.search(
         r"cannot be kept in .* again next time \(its disk is full: 67 MB free.*VITTF_CACHE", cache.put(features_named("a"))
     )

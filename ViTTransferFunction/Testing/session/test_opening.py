@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-from collections import namedtuple
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,6 +28,7 @@ from ViTTransferFunction.Logic.weights import sources
 from ViTTransferFunction.Logic.weights.download import DownloadFailed
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable
+from ViTTransferFunction.Testing.support.disks import set_free_space
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL
@@ -253,8 +252,7 @@ def test_who_loads_features_that_cannot_be_kept_is_told_why(
 def test_features_are_used_where_the_disk_of_the_cache_is_full(
     tiny_weights: SessionSettings, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(100, 99, 1))
+    set_free_space(monkeypatch, 1)
     session = open_session(spheres[0], tiny_weights)
     assert "disk is full" in session.load_features().not_kept
     assert session.features is not None

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import os
-import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path, PurePosixPath
-from types import SimpleNamespace
 
 import pytest
 
@@ -16,6 +14,7 @@ from aiohttp import web
 from aiohttp.test_utils import TestClient, TestServer
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Testing.support.disks import set_free_space
 from ViTTransferFunction.WebApp import uploads
 
 DICOM = b"\0" * 128 + b"DICM" + b"slice"
@@ -194,7 +193,7 @@ def test_too_many_files_are_refused(send: Send, folder: Path, monkeypatch: pytes
 
 
 def test_a_disk_that_is_nearly_full_stays_as_it_is(send: Send, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=uploads.DISK_TO_SPARE - 1))
+    set_free_space(monkeypatch, uploads.DISK_TO_SPARE - 1)
     assert "is full" in refused(send(("scan.raw", b"voxels")), folder)
 
 
