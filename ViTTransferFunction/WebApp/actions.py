@@ -9,8 +9,8 @@ from ..Logic.core.system.errors import InputError, shown
 from ..Logic.scene.annotation_tool import TOOLS
 from ..Logic.scene.classes.class_state import ClassState
 from ..Logic.scene.interface.cache_contents import CacheContents
+from ..Logic.scene.interface.choice_words import style_words
 from ..Logic.scene.interface.choices import check_possible, choices
-from ..Logic.scene.interface.wording import style_words
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.views.exported_renderings import exported_renderings, remove_exported
 from ..Logic.scene.volumes.volume_window import set_window

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ..Logic.core.system.errors import InputError, shown
 from ..Logic.core.system.private_folder import PrivateFolder, private_folder
 from ..Logic.files.film import ENDINGS, FilmPlan, check_film_writer, film_steps
-from ..Logic.scene.interface.wording import progress_text
+from ..Logic.scene.interface.number_texts import progress_text
 from ..Logic.scene.views.filming import FRAMES_PER_SECOND, Filming
 from .panel_form import panel_form
 from .view_pictures import asked_size

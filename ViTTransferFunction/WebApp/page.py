@@ -11,9 +11,9 @@ from typing import Any
 from trame.ui.html import DivLayout
 
 from ..Logic.scene.annotation_tool import TOOL_ICONS
+from ..Logic.scene.interface.choice_words import context_words, style_words
 from ..Logic.scene.interface.choices import choices
 from ..Logic.scene.interface.shortcuts import SHORTCUTS, TABLE_KEYS, WHILE_HELD, meanings
-from ..Logic.scene.interface.wording import context_words, style_words
 from ..Logic.session.preset_meanings import PRESET_MEANINGS
 from .films import film_endings
 from .panel_form import panel_form

@@ -11,15 +11,8 @@ from ..Logic.scene.classes.class_size import stepped
 from ..Logic.scene.classes.class_state import ClassState
 from ..Logic.scene.feature_wording import cost_text, missing_text, point_warnings, status_text
 from ..Logic.scene.interface.cache_contents import CacheContents
-from ..Logic.scene.interface.wording import (
-    closer_look_text,
-    outdated_text,
-    progress_text,
-    size_in_steps,
-    threshold_text,
-    volume_text,
-    volume_unit,
-)
+from ..Logic.scene.interface.message_texts import closer_look_text, outdated_text
+from ..Logic.scene.interface.number_texts import progress_text, size_in_steps, threshold_text, volume_text, volume_unit
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.views.exported_renderings import exported_renderings
 from .look_state import NO_LOOK, look_state

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 from ..Logic.core.system.errors import InputError
 from ..Logic.files.unsaved_files import DELAY_S, LONGEST_DELAY_S, LeftPoints, UnsavedFile, remove_left
 from ..Logic.scene.classes.class_state import Classes
-from ..Logic.scene.interface.wording import not_kept_text, unusable_text
+from ..Logic.scene.interface.message_texts import not_kept_text, unusable_text
 from ..Logic.scene.volumes.volume_nodes import array_from_node
 
 if TYPE_CHECKING:

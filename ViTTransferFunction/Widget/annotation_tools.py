@@ -9,7 +9,7 @@ import slicer
 
 from ViTTransferFunction.Logic.core.volumes.measures import decimals_of
 from ViTTransferFunction.Logic.scene.annotation_tool import AnnotationTool, Tool
-from ViTTransferFunction.Logic.scene.interface.wording import not_in_slices_text
+from ViTTransferFunction.Logic.scene.interface.message_texts import not_in_slices_text
 from ViTTransferFunction.Logic.scene.tools.brush_size import STEP_MM, brush_scale, brush_size
 from ViTTransferFunction.Logic.scene.views.volume_in_slices import is_in_slices
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked

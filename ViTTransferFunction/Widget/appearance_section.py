@@ -7,7 +7,7 @@ from typing import Any
 import qt
 
 from ViTTransferFunction.Logic.rendering.appearance import STYLES, effective
-from ViTTransferFunction.Logic.scene.interface.wording import context_words, style_words
+from ViTTransferFunction.Logic.scene.interface.choice_words import context_words, style_words
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
 

@@ -10,7 +10,7 @@ from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.classes.colors import Color
 from ViTTransferFunction.Logic.scene.classes.class_state import ClassState, Polarity
-from ViTTransferFunction.Logic.scene.interface.wording import threshold_text, volume_text, volume_unit
+from ViTTransferFunction.Logic.scene.interface.number_texts import threshold_text, volume_text, volume_unit
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
 COLOR, NAME, SHOWN, POSITIVE, NEGATIVE, THRESHOLD, VOLUME = range(7)

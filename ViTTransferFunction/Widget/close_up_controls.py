@@ -6,7 +6,7 @@ from typing import Any
 
 import qt
 
-from ViTTransferFunction.Logic.scene.interface.wording import closer_look_text
+from ViTTransferFunction.Logic.scene.interface.message_texts import closer_look_text
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.sight import bring_into_sight, scroll_area_of

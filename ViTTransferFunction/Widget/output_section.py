@@ -8,7 +8,7 @@ import qt
 import slicer
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.scene.interface.wording import outdated_text
+from ViTTransferFunction.Logic.scene.interface.message_texts import outdated_text
 from ViTTransferFunction.Logic.scene.mrml.nodes import in_text
 from ViTTransferFunction.Logic.scene.segments.corrections import Corrections
 from ViTTransferFunction.Widget.node_selector import fill_selector

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ViTTransferFunction.Logic.core.system.progress import WorkProgress
-from ViTTransferFunction.Logic.scene.interface.wording import progress_text
+from ViTTransferFunction.Logic.scene.interface.number_texts import progress_text
 
 MOST_STEPS = 1_000_000
 """Of a bar. Qt counts with 32 bits, and a large scan has more voxels than these can say."""

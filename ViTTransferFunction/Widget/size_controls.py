@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Literal
 
 from ViTTransferFunction.Logic.scene.classes.class_size import stepped
-from ViTTransferFunction.Logic.scene.interface.wording import size_in_steps
+from ViTTransferFunction.Logic.scene.interface.number_texts import size_in_steps
 from ViTTransferFunction.Logic.scene.size_by_wheel import size_wheels
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.slice_tools import LayoutSliceTools

@@ -18,7 +18,7 @@ from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.files.unsaved_files import DELAY_S, LONGEST_DELAY_S, LeftPoints, UnsavedFile, remove_left
 from ViTTransferFunction.Logic.scene.classes.class_nodes import points_are_in_files
 from ViTTransferFunction.Logic.scene.classes.class_state import Classes
-from ViTTransferFunction.Logic.scene.interface.wording import not_kept_text, not_saved_text, unusable_text
+from ViTTransferFunction.Logic.scene.interface.message_texts import not_kept_text, not_saved_text, unusable_text
 from ViTTransferFunction.Logic.scene.volumes.volume_content import first_frame
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import array_from_node
 from ViTTransferFunction.Widget.section import Report, Section

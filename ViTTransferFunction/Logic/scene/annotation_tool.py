@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.system.errors import InputError
 from .classes.class_state import ClassState
-from .interface.wording import no_structure_text
+from .interface.message_texts import no_structure_text
 from .session import SceneSession
 from .tools.drawing_tool import DrawingTool, Shape
 from .tools.free_mouse import FreeMouse

@@ -7,8 +7,8 @@ from urllib.parse import urlsplit
 
 from ..core.volumes.missing_intensity import without_intensity_text
 from ..session.feature_estimate import FeatureEstimate, WeightsDownload
+from .interface.number_texts import duration, size
 from .interface.translation import tr as _
-from .interface.wording import duration, size
 from .mrml.nodes import in_text
 from .volumes.volume_content import Frame
 

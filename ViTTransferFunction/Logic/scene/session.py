@@ -35,10 +35,10 @@ from .classes.class_state import Classes, ClassState, Polarity
 from .classes.of_volume import bring_back
 from .classes.point_tour import PointTour
 from .interface.cache_contents import CacheContents
+from .interface.message_texts import nothing_hit_text, unexpected_text
 from .interface.notices import Notices
 from .interface.parameters import SceneParameters
 from .interface.problems import Problems
-from .interface.wording import nothing_hit_text, unexpected_text
 from .mrml.drawn_together import drawn_together
 from .scan_change import ScanChange
 from .scene_watch import SceneWatch

@@ -16,7 +16,7 @@ from ViTTransferFunction.Logic.scene.annotation.annotations import SceneAnnotati
 from ViTTransferFunction.Logic.scene.annotation.close_up_hints import CloseUpHints
 from ViTTransferFunction.Logic.scene.classes.class_requests import ClassRequests, class_requests
 from ViTTransferFunction.Logic.scene.classes.class_state import ClassState
-from ViTTransferFunction.Logic.scene.interface.wording import CloserLookReason
+from ViTTransferFunction.Logic.scene.interface.message_texts import CloserLookReason
 from ViTTransferFunction.Logic.scene.volumes.volume_content import content_of
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node

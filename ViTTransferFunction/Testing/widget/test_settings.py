@@ -294,7 +294,7 @@ def test_the_scans_of_the_tutorials_are_offered_at_one_commit_with_their_checksu
     ("seconds", "words"), [(0.2, "1 s"), (12, "12 s"), (43, "45 s"), (100, "2 min"), (3500, "58 min"), (4200, "1 h 10 min")]
 )
 def test_durations_are_shown_in_round_units(host: Host, seconds: float, words: str) -> None:
-    from ViTTransferFunction.Logic.scene.interface.wording import duration
+    from ViTTransferFunction.Logic.scene.interface.number_texts import duration
 
     assert duration(seconds) == words
 

@@ -19,8 +19,8 @@ from ...core.classes.small_outlines import is_small, unasked_close_up
 from ...core.classes.vague_extent import is_vague
 from ...core.system.errors import InputError
 from ..classes.class_state import ClassState, Polarity
+from ..interface.message_texts import CloserLookReason
 from ..interface.parameters import SceneParameters
-from ..interface.wording import CloserLookReason
 from ..mrml.point_lists import Point
 from ..mrml.transforms import world_to_local
 from ..volumes.opened_volume import OpenedVolume

@@ -13,9 +13,9 @@ from ...core.system.errors import InputError
 from ...core.volumes.geometry import transform_points
 from ..classes.class_state import ClassState, CloseUpBox
 from ..interface.notices import Notices
+from ..interface.number_texts import close_up_text
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
-from ..interface.wording import close_up_text
 from ..mrml.nodes import in_text
 from ..mrml.transforms import matrix_to_world
 from ..volumes.opened_volume import OpenedVolume

@@ -13,9 +13,9 @@ import slicer
 
 from ...core.system.errors import InputError
 from ..classes.class_state import PointsByClass, points_by_class
+from ..interface.message_texts import left_behind_text
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
-from ..interface.wording import left_behind_text
 from ..mrml.transforms import matrix_to_world
 from ..segments.labelmaps import labelmaps_of
 from ..segments.segment_tags import segments_of_classes

@@ -13,9 +13,9 @@ import slicer
 from ...core.volumes.thumbnail import Thumbnail
 from ..classes.class_attributes import attribute, set_attribute
 from ..classes.class_state import PointsByClass, points_by_class
+from ..interface.message_texts import other_scan_text
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
-from ..interface.wording import other_scan_text
 from ..volumes.opened_volume import OpenedVolume
 from ..volumes.volume_content import VolumeContent
 from .annotations import SceneAnnotations

@@ -10,9 +10,9 @@ from ...features.cache import CacheEntry, FeatureCache
 from ...session.presets import DEFAULT_PRESET, preset
 from ...weights.models import PretrainedModel, pretrained_model
 from ...weights.store import file_in, remove_weights, weights_folder
+from .number_texts import size
 from .parameters import SceneParameters
 from .translation import tr as _
-from .wording import size
 
 
 class CacheContents:

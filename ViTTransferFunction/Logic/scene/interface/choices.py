@@ -12,9 +12,9 @@ from ...refinement.refinement import REFINEMENT_METHODS
 from ...session.presets import PRESETS
 from ...weights.models import PRETRAINED_MODELS
 from ...weights.sources import offered_models
+from .choice_words import choice_words
 from .parameters import CUTS, RENDERINGS, SceneParameters
 from .translation import tr as _
-from .wording import choice_words
 
 RANGES: dict[str, tuple[float, float]] = {
     "grid": (0, LARGEST_GRID),

@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 import slicer
 
 from ..classes.class_state import ClassState
+from ..interface.message_texts import older_segments_text
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
-from ..interface.wording import older_segments_text
 from ..volumes.opened_volume import OpenedVolume
 from ..volumes.volume_content import Frame
 from .written_segments import WrittenSegments, choose_segmentation_of, finish_segments

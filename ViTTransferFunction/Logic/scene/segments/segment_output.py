@@ -12,8 +12,8 @@ from ...core.system.errors import InputError
 from ...core.system.progress import WorkProgress
 from ...core.volumes.stepped_work import SteppedWork, Steps
 from ..classes.class_state import Classes
+from ..interface.message_texts import empty_text, mostly_taken_text, segmentation_removed_text, taken_text
 from ..interface.parameters import REFERENCES, SceneParameters
-from ..interface.wording import empty_text, mostly_taken_text, segmentation_removed_text, taken_text
 from ..mrml.nodes import name_for_scene
 from ..volumes.volume_content import frame_of
 from .corrections import Corrections, corrected_segments

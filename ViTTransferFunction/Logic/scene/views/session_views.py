@@ -21,10 +21,10 @@ from ...rendering.structure_volume import StructureVolume
 from ...rendering.surroundings import Surroundings
 from ..classes.class_requests import ClassRequests
 from ..classes.class_state import ClassState
+from ..interface.message_texts import nothing_in_3d_text
 from ..interface.notices import Notices
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
-from ..interface.wording import nothing_in_3d_text
 from ..mrml.drawn_together import drawn_together
 from ..mrml.nodes import name_for_scene
 from ..mrml.transforms import matrix_to_world

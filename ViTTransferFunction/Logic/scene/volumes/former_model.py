@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from ...compute.proxy import SegmentationProxy
 from ...session.settings import SessionSettings
+from ..interface.message_texts import former_model_text
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
-from ..interface.wording import former_model_text
 
 
 class FormerModel:

@@ -7,7 +7,7 @@ import pytest
 
 from ViTTransferFunction.Logic.core.classes.class_map import ClassMap
 from ViTTransferFunction.Logic.core.classes.region_points import points_of_outline
-from ViTTransferFunction.Logic.scene.interface.wording import CloserLookReason
+from ViTTransferFunction.Logic.scene.interface.message_texts import CloserLookReason
 from ViTTransferFunction.Testing.support.corrected import (
     BESIDE,
     CELLS,

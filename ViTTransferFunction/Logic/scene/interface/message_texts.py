@@ -1,4 +1,4 @@
-"""Texts of all front ends: numbers as people say them, messages to the user, and names of the choices of parameters."""
+"""Messages to the user that all front ends share."""
 
 from __future__ import annotations
 
@@ -7,11 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from ...core.classes.close_up import EdgesMm
 from ...core.system.out_of_memory import OUT_OF_MEMORY, is_out_of_memory
-from ...core.system.progress import WorkProgress
-from ...core.volumes.measures import decimals_of, two_figures
-from ...rendering.appearance import STYLES
 from ..mrml.nodes import in_text
 from .shortcuts import SHORTCUTS
 from .translation import tr as _
@@ -19,56 +15,10 @@ from .translation import tr as _
 CloserLookReason = Literal["vague extent", "small drawing", "small outline"]
 """Why a closer look may help, or, for the last one, why one has begun by itself; see `CloseUpHints`."""
 
-_SMALL_SPECIMEN = 0.75
-"""Scans below this `body_scale` (shorter than 48 mm) use mm³: organs in them have only thousandths of a millilitre."""
 _MOST_NAMES = 5
 """The most names of structures in one message."""
 _LONGEST_REASON = 200
 """The most characters of an unexpected error in a message: those of some libraries fill pages."""
-
-
-def duration(seconds: float) -> str:
-    """Such as "40 s", "2 min" or "1 h 10 min"."""
-    if seconds < 60:
-        return _("{seconds} s").format(seconds=max(1, round(seconds / 5) * 5 if seconds > 20 else round(seconds)))
-    minutes = round(seconds / 60)
-    if minutes < 60:
-        return _("{minutes} min").format(minutes=minutes)
-    return _("{hours} h {minutes} min").format(hours=minutes // 60, minutes=minutes % 60)
-
-
-def size(n_bytes: float) -> str:
-    """Such as "88 MB" or "1.2 GB"."""
-    if n_bytes < 1e9:
-        return _("{megabytes} MB").format(megabytes=round(n_bytes / 1e6))
-    return _("{gigabytes} GB").format(gigabytes=f"{n_bytes / 1e9:.1f}")
-
-
-def size_in_steps(steps: float, fixed: bool) -> str:
-    """A structure's size, counted in steps as in annotation files, in words; `fixed`: the user set the threshold instead."""
-    if fixed:
-        return _("set by hand")
-    if steps == 0.0:
-        return _("as chosen")
-    if abs(steps) == 1.0:
-        return _("one step larger") if steps > 0.0 else _("one step smaller")
-    size = f"{abs(steps):g}"
-    return _("larger (+{size})").format(size=size) if steps > 0.0 else _("smaller (−{size})").format(size=size)
-
-
-def close_up_text(edges_mm: EdgesMm | None, failed: bool = False) -> str:
-    """The close-up of a class, such as "In a box of 64 × 80 × 52 mm"; "" if there is none (None).
-
-    `failed`: the close-up could not be made, and the class is looked at in the whole volume.
-    """
-    if edges_mm is None:
-        return ""
-    edges = " × ".join(two_figures(edge) for edge in edges_mm)
-    if failed:
-        return _('Its box of {edges} mm could not be looked at: shown as in the whole scan. "Look closer" tries again.').format(
-            edges=edges
-        )
-    return _("In a box of {edges} mm").format(edges=edges)
 
 
 def closer_look_text(reason: CloserLookReason | None) -> str:
@@ -88,45 +38,6 @@ def closer_look_text(reason: CloserLookReason | None) -> str:
         ),
     }
     return words[reason].format(key=key)
-
-
-def progress_text(progress: WorkProgress) -> str:
-    """The running work, and how long it will still take."""
-    if progress.seconds_left is None:
-        return _("{what}…").format(what=progress.what)
-    return _("{what}: about {time} left").format(what=progress.what, time=duration(progress.seconds_left))
-
-
-def threshold_text(iso: float | None, chosen: float | None) -> str:
-    """A class's threshold: `iso` if the user set one, else `chosen` in brackets; "–" if there is no map yet (None)."""
-    if iso is not None:
-        return f"{iso:.2f}"
-    return "–" if chosen is None else f"({chosen:.2f})"
-
-
-def volume_unit(body_scale: float) -> str:
-    """The unit for volumes of structures: "ml", or "mm³" in scans of small specimens.
-
-    Args:
-        body_scale: factor for lengths that suit human bodies; less than 1 in smaller scans.
-    """
-    return "mm³" if body_scale < _SMALL_SPECIMEN else "ml"
-
-
-def volume_text(volume_ml: float | None, unit: str) -> str:
-    """A volume as a number, without its unit: with two significant figures if it is small, from 99.95 on without decimals.
-
-    Args:
-        volume_ml: millilitres; None: not known.
-        unit: the unit of the number, one of `volume_unit`.
-    """
-    if volume_ml is None:
-        return "–"
-    volume, most_decimals = (1000.0 * volume_ml, 4) if unit == "mm³" else (volume_ml, 3)
-    if 0.0 < volume < 0.5 * 10.0**-most_decimals:
-        return f"<{10.0**-most_decimals:.{most_decimals}f}"
-    decimals = 0 if volume >= 99.95 else decimals_of(volume, 2, least_decimals=1)
-    return f"{volume:.{min(decimals, most_decimals)}f}"
 
 
 def empty_text(names: Sequence[str]) -> str:
@@ -285,45 +196,6 @@ def unexpected_text(error: Exception) -> str:
         "Something unexpected went wrong ({error}), and the views may not be up to date. Your structures and points are kept. "
         "If it happens again, save your work, start the program anew, and report this message."
     ).format(error=textwrap.shorten(f"{type(error).__name__}: {error}", _LONGEST_REASON, placeholder="…"))
-
-
-def choice_words() -> dict[str, str]:
-    """Texts for the values of parameters that have few values."""
-    return {
-        "": _("as in the preset"),
-        "balanced": _("Balanced"),
-        "fine": _("Fine (8 to 24 times as slow)"),
-        "paper": _("As in the paper (many times slower)"),
-        "auto": _("Automatic"),
-        "cpu": _("Processor (CPU)"),
-        "cuda": _("NVIDIA graphics card (CUDA)"),
-        "mps": _("Apple graphics processor (MPS)"),
-        "bilateral": _("Bilateral solver"),
-        "guided": _("Guided filter"),
-        "none": _("None"),
-        "off": _("Off"),
-        "similarity": _("Similarity"),
-        "transfer function": _("Transfer function"),
-        "box": _("To a box"),
-        "plane": _("By a plane"),
-    }
-
-
-def style_words() -> dict[str, str]:
-    """Texts for all styles of structures, in their order."""
-    words = {
-        "surface": _("Surface"),
-        "glass": _("Glass"),
-        "X-ray": _("X-ray"),
-        "vessels": _("Vessels"),
-        "as scanned": _("As scanned"),
-    }
-    return {name: words.get(name, name) for name in STYLES}
-
-
-def context_words() -> dict[str, str]:
-    """Texts for the surroundings of structures, except Slicer's presets, which keep their names."""
-    return {"off": _("Off"), "bones and vessels": _("Bones and vessels"), "skin": _("Skin")}
 
 
 def _listing(names: Sequence[str]) -> str:

@@ -1,14 +1,12 @@
-"""Numbers and names in words."""
+"""Numbers as users read them."""
 
 from __future__ import annotations
 
 import pytest
 
-from ViTTransferFunction.Logic.scene.interface.wording import (
+from ViTTransferFunction.Logic.scene.interface.number_texts import (
     close_up_text,
     duration,
-    empty_text,
-    left_behind_text,
     size,
     size_in_steps,
     volume_text,
@@ -81,17 +79,6 @@ def test_files_and_memory_are_told_in_mb_or_gb(n_bytes: float, text: str) -> Non
 def test_the_size_of_a_structure_is_told_in_steps_unless_it_was_set_by_hand(steps: float, text: str) -> None:
     assert size_in_steps(steps, fixed=False) == text
     assert size_in_steps(steps, fixed=True) == "set by hand"
-
-
-def test_of_many_structures_a_message_names_as_many_as_one_reads() -> None:
-    names = ["a", "b", "c", "d", "e", "f"]
-    assert "of 'a', 'b', 'c', 'd', 'e' is empty" in empty_text(names[:5])
-    assert "of 'a', 'b', 'c', 'd', 'e' … is empty" in empty_text(names)
-
-
-def test_names_from_the_right_leave_the_direction_of_a_message_alone() -> None:
-    text = left_behind_text("בטן CT", ["كبد (2)", "liver"], None)
-    assert text.startswith("'\u2068בטן CT\u2069' was moved, and the points of '\u2068كبد (2)\u2069', 'liver' were not")
 
 
 @pytest.mark.parametrize(
