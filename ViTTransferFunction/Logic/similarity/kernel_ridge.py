@@ -110,31 +110,14 @@ class KernelRidge:
             # access.
             finish_joining = begin(partial(self._connected.update, annotated.points_ras, between))
             finish_components = begin(partial(self._intensities.components.update, requests, between))
-            points = self._looked_at(annotated)
-            rows = self._written_rows(points, finish_joining, between)
-            finish_joining()
-            joined = between_points(self._connected.at(points.keys, self._cells_at(annotated.points_ras)))
-            share = shares(annotated.points_ras, joined, annotated.classes, annotated.positive)
-            weights, without_negatives = self._weights(points, joined, share, between)
-            ratio = share / (1.0 - share)
+            solution = self._solve(annotated, finish_joining, between)
             for turn, together in enumerate(_in_turns(len(requests), first)):
                 if turn:
-                    # The kernels of these points do not change until their own classes get another point.
-                    for point in np.flatnonzero(annotated.classes != first):
-                        self._rows.add_second(points.row_keys[point], float(ratio[point]))
-                parts = np.stack([1.0 - share, (1.0 - share) * (ratio - self._rows.added(points.row_keys))], axis=1)
-                of_rows, without = (
-                    self._weights_of_rows(each[:, together], rows, parts) for each in (weights, without_negatives)
-                )
-                scores = self._rows.weighted(of_rows)
-                np.clip(scores, 0.0, 1.0, out=scores)
+                    self._merge_rows(solution, together)
+                scores, without_negatives = self._scores(solution, together)
                 finish_components()
-                for index, of_class, without_its_negatives in zip(together, scores, without, strict=True):
-                    closed = self._intensities.components.closed(requests, index)
-                    if closed is not None:
-                        raise_within(closed, of_class)
-                    prior = self._prior(requests[index], without_its_negatives)
-                    yield index, SimilarityMap(of_class.reshape(self._features.geometry.shape), prior)
+                for index, of_class, without in zip(together, scores, without_negatives, strict=True):
+                    yield index, self._similarity_map(requests, index, of_class, without)
 
     def iso(self, coarse: SimilarityMap, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """See `SimilarityRule`."""
@@ -165,6 +148,22 @@ class KernelRidge:
         spread = similarity.spread(STABILITY_SAMPLES, canonical_orientation(self._volume_geometry))
         iso = choose_refined_iso(spread, at_cells, edge_strength, at_positives, prior, components, between)
         return proposals_around(iso, at_positives)
+
+    def _solve(self, annotated: AnnotatedPoints, finish_joining: Finish, between: Between) -> _Solution:
+        """Compute the kernels of new points, and solve for α.
+
+        Args:
+            annotated: all annotated points.
+            finish_joining: waits until their connectedness is known.
+            between: called between steps; may raise `Cancelled`.
+        """
+        points = self._looked_at(annotated)
+        rows = self._written_rows(points, finish_joining, between)
+        finish_joining()
+        joined = between_points(self._connected.at(points.keys, self._cells_at(annotated.points_ras)))
+        share = shares(annotated.points_ras, joined, annotated.classes, annotated.positive)
+        weights, without_negatives = self._weights(points, joined, share, between)
+        return _Solution(points, rows, share, weights, without_negatives)
 
     def _looked_at(self, annotated: AnnotatedPoints) -> _Points:
         """The features, intensities and positions at annotated points, and the earlier points that limit their reach."""
@@ -234,6 +233,32 @@ class KernelRidge:
         seen[: len(targets)][~annotated.positive] = False
         return weights, solve_each(kernel, ridge, wanted, seen, between)
 
+    def _merge_rows(self, solution: _Solution, classes: Sequence[int]) -> None:
+        """Merge the two rows of each point of these classes, so that sums read one of them.
+
+        This pays where the kernels of the points do not change until their own class gets another point.
+        """
+        points = solution.points
+        for point in np.flatnonzero(np.isin(points.annotated.classes, classes)):
+            self._rows.add_second(points.row_keys[point], float(solution.ratio[point]))
+
+    def _scores(self, solution: _Solution, classes: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """S of some classes, by their indices.
+
+        Returns:
+            S in all cells, (classes, cells) float32 in [0, 1]; and the weights of rows for S without negative points,
+            (classes, rows) float32.
+        """
+        unjoined, added = 1.0 - solution.share, self._rows.added(solution.points.row_keys)
+        parts = np.stack([unjoined, unjoined * (solution.ratio - added)], axis=1)
+        of_rows, without_negatives = (
+            self._weights_of_rows(weights[:, classes], solution.rows, parts)
+            for weights in (solution.weights, solution.without_negatives)
+        )
+        scores = self._rows.weighted(of_rows)
+        np.clip(scores, 0.0, 1.0, out=scores)
+        return scores, without_negatives
+
     def _weights_of_rows(self, weights: np.ndarray, rows: np.ndarray, parts: np.ndarray) -> np.ndarray:
         """Convert α of points and background cells to weights of kernel rows, (classes, rows).
 
@@ -249,6 +274,23 @@ class KernelRidge:
         for row, part in zip(rows.T, parts.T, strict=True):
             np.add.at(of_rows.T, row, part[:, None] * of_points)
         return of_rows
+
+    def _similarity_map(
+        self, requests: Sequence[ClassRequest], index: int, scores: np.ndarray, without_negatives: np.ndarray
+    ) -> SimilarityMap:
+        """The map of a class, raised within structures that are closed (`closed_structures`).
+
+        Args:
+            requests: all classes.
+            index: of the class.
+            scores: S of the class, (cells,), changed in place.
+            without_negatives: weights of rows for S without negative points, (rows,).
+        """
+        closed = self._intensities.components.closed(requests, index)
+        if closed is not None:
+            raise_within(closed, scores)
+        prior = self._prior(requests[index], without_negatives)
+        return SimilarityMap(scores.reshape(self._features.geometry.shape), prior)
 
     def _prior(self, request: ClassRequest, weights: np.ndarray) -> float:
         """The prior of a class's iso value, from its points.
@@ -330,3 +372,28 @@ class _Points:
     keys: list[bytes]
     before: dict[int, np.ndarray]
     row_keys: list[bytes]
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """The regression's solution for P annotated points and B background cells.
+
+    Attributes:
+        points: the annotated points.
+        rows: indices of the two kernel rows of each point, (P, 2).
+        share: b of each point, (P,).
+        weights: α, (P + B, classes).
+        without_negatives: α without negative points, (P + B, classes).
+    """
+
+    points: _Points
+    rows: np.ndarray
+    share: np.ndarray
+    weights: np.ndarray
+    without_negatives: np.ndarray
+
+    @cached_property
+    def ratio(self) -> np.ndarray:
+        """The factor of each point's second row relative to that of its first, b / (1 − b), (P,)."""
+        ratio: np.ndarray = self.share / (1.0 - self.share)
+        return ratio
