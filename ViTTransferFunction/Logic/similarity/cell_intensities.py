@@ -1,4 +1,4 @@
-"""What clicks need to know of a volume's intensities on its feature cells, whatever the features are, coarser or finer ones."""
+"""Everything that similarity rules need from a volume's intensities; independent of the features, except for their grid."""
 
 from __future__ import annotations
 
@@ -21,33 +21,33 @@ from .point_places import PointPlaces
 from .stable_components import StableComponents
 
 EDGE_STEP_CELLS = 1 / 3
-"""Distance over which intensity differences count as an edge, in cells."""
+"""Distance over which intensity differences are taken as edges, in cells."""
 ISO_CELLS = 100_000
-"""The iso value is chosen from at most this many cells, spread evenly: more would only take longer."""
+"""The iso value is chosen from at most this many cells, chosen at random: more would only take longer."""
 
 
 class CellIntensities:
-    """Intensities of a volume's cells.
+    """A volume's intensities on the grid of its feature cells.
 
     Args:
-        volume: the intensities.
-        cells: the feature cells, which fill the volume's box.
+        volume: the volume.
+        cells: the grid of the feature cells, which covers the volume's box.
 
     Attributes:
-        centres_ras: of all cells, (cells, 3) RAS millimetres.
-        drawn: all cells, in a random order that is always the same.
-        cdf: of the volume's intensities.
-        cdf_of_cells: around each cell, (cells,) float32.
-        connected: how annotated points are, by intensities.
-        point_places: where annotated points are looked at.
-        iso_cells: some cells, (N,), in order.
-        edge_strength: of those, (N,) float32.
-        components: around annotated points, at those or all.
+        centres_ras: centres of all cells, (cells, 3) RAS millimetres.
+        drawn: indices of all cells in a fixed random order, (cells,).
+        cdf: the cumulative distribution of the volume's intensities.
+        cdf_of_cells: its value around each cell, (cells,) float32.
+        connected: the connectedness of annotated points with all cells, by intensities.
+        point_places: where features represent annotated points best.
+        iso_cells: indices of the cells from which iso values are chosen, (N,), ascending.
+        edge_strength: edge strength at these cells, (N,) float32.
+        components: the components around annotated points that intensities suggest, at `iso_cells` or at all cells.
     """
 
     def __init__(self, volume: Volume, cells: Geometry) -> None:
         self._cells = cells
-        # Looks at all voxels, as the rest does: beside it, where there is a second processor.
+        # In a second thread, because both this and the rest read all voxels.
         with ThreadPoolExecutor(1) as beside:
             in_blocks = beside.submit(_in_blocks, volume, cells)
             self.centres_ras = cells.voxel_centres_ras()
@@ -64,7 +64,7 @@ class CellIntensities:
         self.components = StableComponents(blocks.cell_units(), cells, self.iso_cells, count_body)
 
     def are_of(self, cells: Geometry) -> bool:
-        """Whether these are the cells."""
+        """Whether these are intensities on this grid of cells."""
         mine = self._cells
         return mine.shape == cells.shape and np.array_equal(mine.ijk_to_ras, cells.ijk_to_ras)
 
@@ -76,13 +76,13 @@ def _in_blocks(volume: Volume, cells: Geometry) -> tuple[IntensityBlocks, Connec
 
 
 def _cells_of_body(blocks: IntensityBlocks, volume: Volume) -> int:
-    """How many cells hold more than the background around the body, by their mean intensities."""
+    """Number of cells that do not belong to the background around the body, by their mean intensities."""
     means = blocks.cell_means()
     return int(np.count_nonzero(~background_cells(means, network_channels(volume).background, means.shape)))
 
 
 def _drawn(cells: Geometry) -> np.ndarray:
-    """All cells (cells,) in a random order: the same cells also where the scan is stored another way, for the same maps."""
+    """All cells (cells,) in a random order, which does not depend on the axis order in which the scan is stored."""
     indices = np.arange(int(np.prod(cells.shape))).reshape(cells.shape)
     indices = canonical_orientation(cells).to_canonical(indices)
     drawn: np.ndarray = np.random.default_rng(0).permutation(indices.ravel())

@@ -1,12 +1,13 @@
-"""How much connectedness counts in the kernel of annotated points.
+"""The weight of connectedness in the kernel of annotated points.
 
-The kernel's rows of a point p are multiplied by (1 − b) + b C_p: what is joined to p by intensities like its own stays as
-similar as it was, all else becomes less so. How much that may count, b, the class's own positive points say: if they are joined
-among themselves, what is not joined to them is unlikely to be theirs; two lungs, or a heart's blood and muscle, are not.
+The kernel of a point p is multiplied by (1 − b) + b C_p: cells that are connected to p by intensities like its own keep their
+similarity, and all others lose some. The weight b depends on the class's own positive points: if these are connected with each
+other, a cell that is not connected to them is unlikely to belong to the class. Points in two lungs, or in the blood and the
+muscle of a heart, are not connected.
 
     b = B · (Σ_{p<q} C_pq + ½) / (pairs + 1)
 
-over the pairs of the class's positive points; its negative points share its b.
+where p and q are positive points of the class. Its negative points have the same b.
 """
 
 from __future__ import annotations
@@ -22,17 +23,18 @@ from .connectedness import SIMILARITIES, Connectedness
 from .intensity_blocks import IntensityBlocks
 
 LARGEST_SHARE = 0.8
-"""B: of a class whose many points are all joined."""
+"""B: limit of b for many points that are all connected."""
 FINELY_JOINED_POINTS = 400
-"""With more points than these, of all classes, one block a cell has to do: eight times as fast, and less able to tell."""
+"""If all classes together have more points than this, blocks are as large as cells, which is eight times as fast but less
+exact."""
 
 
 class ConnectedPoints:
-    """Connectedness of the annotated points with all cells, kept from click to click.
+    """Connectedness of the annotated points with all cells, kept between clicks.
 
     Args:
-        blocks: of the volume.
-        coarse_blocks: makes those that are as large as cells.
+        blocks: intensity blocks of the volume.
+        coarse_blocks: makes blocks that are as large as cells; called when they are first needed.
     """
 
     def __init__(self, blocks: IntensityBlocks, coarse_blocks: Callable[[], IntensityBlocks]) -> None:
@@ -42,23 +44,23 @@ class ConnectedPoints:
 
     @cached_property
     def _coarse(self) -> Connectedness:
-        # It takes a walk through the volume, and few users ever place so many points.
+        # Made on demand: this reads the whole volume, and few users place so many points.
         return Connectedness(self._coarse_blocks())
 
     def keys(self, points_ras: np.ndarray) -> list[bytes]:
-        """A key for each point (P, 3), RAS millimetres: another one where something else is known of it than before."""
+        """A key for each point (P, 3), RAS millimetres; it changes with the point, and with the size of the blocks."""
         finely = bytes([_finely(points_ras)])
         return [finely + point.tobytes() for point in points_ras]
 
     def update(self, points_ras: np.ndarray, between: Between = nothing_between) -> list[bytes]:
-        """Find out about points (P, 3), RAS millimetres, that are new, and forget those that are gone.
+        """Compute the connectedness of new points, and drop that of points that are gone.
 
         Args:
-            points_ras: all that are annotated.
-            between: called before each new point; may raise `Cancelled`, and what was found out until then is kept.
+            points_ras: all annotated points, (P, 3) RAS millimetres.
+            between: called before each new point; may raise `Cancelled`. Points that are complete by then are kept.
 
         Returns:
-            `keys`.
+            The keys of the points (`keys`).
         """
         keys = self.keys(points_ras)
         connectedness = self._fine if _finely(points_ras) else self._coarse
@@ -71,23 +73,25 @@ class ConnectedPoints:
         return keys
 
     def at(self, keys: Sequence[bytes], cells: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """C of points, by the keys from `update`, at cells given by their indices (n,), (P, n) float32."""
+        """C of points, given by their keys from `update`, at the cells with these indices (n,): (P, n) float32."""
         levels = np.stack([self._levels_of_key[key][cells] for key in keys])
-        # Half as long as by an index in brackets.
+        # Takes half as long as indexing.
         similarities: np.ndarray = SIMILARITIES.take(levels)
         return similarities
 
 
 def _finely(points_ras: np.ndarray) -> bool:
-    """Whether points are few enough, each place counted once."""
+    """Whether there are few enough points for small blocks; the same place counts once."""
     return len(different_places(points_ras)) <= FINELY_JOINED_POINTS
 
 
 def between_points(at_points: np.ndarray) -> np.ndarray:
-    """C of pairs of points, symmetric with a diagonal of 1: either's own intensity may be the one that joins them.
+    """C of pairs of points, symmetric with a diagonal of 1: the larger one of both directions.
+
+    Flood fills from two points differ, because each follows the intensity of its own point.
 
     Args:
-        at_points: (P, P), C of each point at the cells of all.
+        at_points: (P, P), C of each point at the cells of all points.
     """
     between: np.ndarray = np.maximum(at_points, at_points.T)
     np.fill_diagonal(between, 1.0)
@@ -95,7 +99,7 @@ def between_points(at_points: np.ndarray) -> np.ndarray:
 
 
 def shares(points_ras: np.ndarray, between: np.ndarray, classes: np.ndarray, positive: np.ndarray) -> np.ndarray:
-    """The share b of each point, (P,) in [0, `LARGEST_SHARE`].
+    """The weight b of each point, (P,) in [0, `LARGEST_SHARE`].
 
     Args:
         points_ras: (P, 3) RAS millimetres; the same place counts once.
@@ -114,7 +118,7 @@ def shares(points_ras: np.ndarray, between: np.ndarray, classes: np.ndarray, pos
 
 
 def point_factors(between: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """What the kernel between points is multiplied by, (P, P): 1 on the diagonal; for two points of equal b, (1 − b) + b C."""
+    """The factors for the kernel between points, (P, P): 1 on the diagonal; (1 − b) + b C for two points with the same b."""
     unjoined = 1.0 - share
     chained = np.sqrt(np.outer(share, share)) * joined_by_chains(between)
     factors: np.ndarray = np.sqrt(np.outer(unjoined, unjoined)) + chained
@@ -122,16 +126,18 @@ def point_factors(between: np.ndarray, share: np.ndarray) -> np.ndarray:
 
 
 def joined_by_chains(between: np.ndarray) -> np.ndarray:
-    """C of pairs of points where they may be joined by way of other points: the largest weakest link of any chain, (P, P).
+    """C of pairs of points that may be connected through other points, (P, P).
 
-    C itself is no kernel: a point may be joined to two that are not joined to each other, and the regression's system of
-    equations then is indefinite, so that many points spoil the map. Chained, it is an ultrametric, which is positive
-    semidefinite always.
+    It is the largest C that a chain of points can have, where C of a chain is that of its weakest link.
+
+    C itself is no kernel. A point may be connected to two points that are not connected to each other, which makes the
+    regression's equations indefinite, so that many points spoil the map. The C of chains is an ultrametric, and thus always
+    positive semidefinite.
 
     Args:
         between: (P, P) C of pairs of points, symmetric with a diagonal of 1.
     """
-    # In bytes, each the rank of a similarity: to go by way of one point after the other is then quick up to hundreds of points.
+    # Ranks of the similarities fit into bytes, which makes the Floyd–Warshall algorithm fast enough for hundreds of points.
     ascending = SIMILARITIES[::-1]
     ranks = (np.searchsorted(ascending, between, side="right") - 1).astype(np.uint8)
     for by_way_of in range(len(ranks)):

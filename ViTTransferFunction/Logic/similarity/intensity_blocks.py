@@ -1,6 +1,6 @@
-"""A volume's intensities in blocks, which divide the feature cells: what is too thin for a cell is seen in them.
+"""A volume's intensities, averaged over blocks. Blocks subdivide the feature cells, to resolve what is thinner than a cell.
 
-They are kept as 16-bit numbers, in units of which the display window is 1024 wide.
+Intensities are 16-bit integers, scaled such that the display window is 1024 wide.
 """
 
 from __future__ import annotations
@@ -16,32 +16,34 @@ from ..core.volumes.torch_arrays import array_of, tensor_of
 from ..core.volumes.volume import Volume
 
 BLOCKS_PER_CELL = 2
-"""Along each axis: a wall between two structures is thinner than a cell."""
+"""Along each axis: walls between structures may be thinner than a cell."""
 UNITS_PER_WINDOW = 1024
-"""Intensities are compared as 16-bit numbers, which takes a fifth of the time."""
+"""Comparing 16-bit integers takes a fifth of the time."""
 UNKNOWN = 20_000
-"""Stands for blocks without a finite voxel; it is far from all others."""
+"""The value of blocks without a finite voxel, far from all other values."""
 MUCH_THICKER = 1.6
-"""How much longer than its shortest edge a voxel may be along an axis for those beside it there to be near."""
+"""Neighbours along an axis count as near if the spacing there is at most this many times the smallest spacing."""
 _FURTHEST = 10_000
-"""What lies more than ten windows from the middle of the window counts as that far. No difference leaves 16 bits."""
+"""Intensities are clipped to this distance, about ten windows, from the middle of the window, so that differences fit into 16
+bits."""
 MOST_BLOCKS = 2_200_000
-"""Where there would be more, each cell is one block: a new point takes time in proportion to them."""
+"""If there would be more, each cell is one block: the time that a new point takes is proportional to the number of blocks."""
 
 
 class IntensityBlocks:
-    """The blocks of a volume. A block is given by its index along K, J, I.
+    """The blocks of a volume. A block is given by its indices along K, J and I.
 
     Args:
-        volume: the intensities; voxels that are not finite are passed over.
-        cells: the feature cells, which fill the volume's box.
-        window: in which a person would look at them (`display_window`).
-        per_cell: how many, along each axis; one, where that would be too many blocks.
+        volume: the volume; voxels that are not finite are ignored.
+        cells: the grid of the feature cells, which covers the volume's box.
+        window: the window in which a person would view the volume (`display_window`).
+        per_cell: blocks per cell along each axis; 1 is used instead if there would be too many blocks (`MOST_BLOCKS`).
 
     Attributes:
-        units: intensities of all blocks (K, J, I), int16, in `UNITS_PER_WINDOW` from the middle of the window, or `UNKNOWN`.
-        per_cell: blocks along each axis of a cell.
-        cells: the feature cells.
+        units: (K, J, I) int16, mean intensity of each block relative to the middle of the window, which is `UNITS_PER_WINDOW`
+            wide; or `UNKNOWN`.
+        per_cell: blocks per cell along each axis.
+        cells: the grid of the feature cells.
     """
 
     def __init__(self, volume: Volume, cells: Geometry, window: IntensityWindow, per_cell: int = BLOCKS_PER_CELL) -> None:
@@ -52,7 +54,7 @@ class IntensityBlocks:
         self.cells, self._volume, self._window = cells, volume, window
 
     def nearest(self, points_ras: np.ndarray) -> np.ndarray:
-        """The blocks (N, 3) of points (N, 3), RAS millimetres; outside of the volume, the nearest ones."""
+        """The blocks (N, 3) that contain points (N, 3), RAS millimetres; for points outside the volume, the nearest blocks."""
         return self.cells.nearest_voxels(points_ras, self.per_cell)
 
     def centres_ras(self, blocks: np.ndarray) -> np.ndarray:
@@ -65,9 +67,9 @@ class IntensityBlocks:
         return units
 
     def units_of_voxels_at(self, points_ras: np.ndarray) -> np.ndarray:
-        """Median intensities of the voxels at points (N, 3), RAS millimetres, and of those beside them, (N,), float64.
+        """Median intensity of the voxel at each point (N, 3), RAS millimetres, and its neighbours: (N,) float64, as `units`.
 
-        Voxels beside them along an axis along which they are much thicker do not count. `UNKNOWN` where none is finite.
+        Neighbours along an axis with much larger spacing do not count. `UNKNOWN` if none of the voxels is finite.
         """
         geometry = self._volume.geometry
         spacing = geometry.spacing_mm[::-1]
@@ -82,9 +84,10 @@ class IntensityBlocks:
         return _in_units(medians, self._window).astype(float)
 
     def in_cells_of(self, blocks: np.ndarray) -> np.ndarray:
-        """All blocks of the cells that blocks (N, 3) lie in, (N, per_cell³, 3), in an order that is that of the patient's axes.
+        """All blocks of the cells that contain blocks (N, 3): (N, per_cell³, 3).
 
-        So the first of several that are as good is the same one in whatever order a volume is stored.
+        Their order follows the patient's axes, so that the first of several equally good blocks does not depend on the axis
+        order in which the volume is stored.
         """
         per_cell = self.per_cell
         steps = np.indices((per_cell,) * 3)
@@ -93,16 +96,16 @@ class IntensityBlocks:
         return in_cells
 
     def within(self, radius: float, block: np.ndarray) -> np.ndarray:
-        """The blocks (N, 3) no farther than so many blocks from one of them, (3,): itself as well."""
+        """All blocks (N, 3) within a radius, in blocks, around a block (3,), itself included."""
         blocks = block + _steps_within(radius)
         inside: np.ndarray = blocks[((blocks >= 0) & (blocks < self.units.shape)).all(axis=1)]
         return inside
 
     def cell_units(self) -> np.ndarray:
-        """Mean of each cell's blocks that are known, (K, J, I) of the cells, int16 as `units`."""
+        """Mean of each cell's known blocks, (K, J, I) of the cells, int16 as `units`."""
         per_cell = self.per_cell
         total, count = np.zeros((2, *self.cells.shape), dtype=np.int32)
-        # One block of every cell after the other: six times as fast as sums along three of six axes.
+        # Adding strided arrays is six times as fast as summing along three of six axes.
         for first in np.ndindex(per_cell, per_cell, per_cell):
             units = self.units[tuple(slice(start, None, per_cell) for start in first)]
             known = units != UNKNOWN
@@ -112,7 +115,7 @@ class IntensityBlocks:
         return means
 
     def cell_means(self) -> np.ndarray:
-        """Mean intensity of each cell (K, J, I), float32, as exact as `cell_units`; NaN where no voxel is finite."""
+        """Mean intensity of each cell (K, J, I), float32, with the precision of `cell_units`; NaN if no voxel is finite."""
         units, window = self.cell_units(), self._window
         means = units * np.float32(window.width / UNITS_PER_WINDOW) + np.float32(0.5 * (window.low + window.high))
         known: np.ndarray = np.where(units == UNKNOWN, np.float32(np.nan), means)
@@ -120,22 +123,22 @@ class IntensityBlocks:
 
 
 def block_means(array: np.ndarray, blocks: tuple[int, int, int]) -> np.ndarray:
-    """Mean intensity of each block, float32; NaN where no voxel of a block is finite.
+    """Mean intensity of each block, float32; NaN if no voxel of the block is finite.
 
     Args:
-        array: (K, J, I), any real dtype; voxels that are not finite are passed over.
-        blocks: how many along (K, J, I); neighbours share a voxel where their borders cut it.
+        array: (K, J, I), any real dtype; voxels that are not finite are ignored.
+        blocks: number of blocks along (K, J, I); a voxel that a border between blocks cuts counts for both.
     """
     count, rows, columns = blocks
     means = np.empty(blocks, dtype=np.float32)
     for index in range(count):
-        # A few slices at a time, so that no copy of the volume is made.
+        # A few slices at a time, to avoid a float32 copy of the volume.
         slices = array[index * len(array) // count : -(-(index + 1) * len(array) // count)].astype(np.float32)
         finite = np.isfinite(slices)
-        # Of the largest number that there is, which stands in some scans for what was not measured, sums are infinite.
+        # Some scans mark missing voxels by the largest float32, whose sums overflow.
         with np.errstate(over="ignore"):
             if finite.all():
-                # The same as below, in half of the time.
+                # The same result as below in half the time.
                 means[index] = _pooled(slices.sum(axis=0)[None], rows, columns)[0] / np.float32(len(slices))
                 continue
             sums = np.stack([np.where(finite, slices, 0.0).sum(axis=0), finite.sum(axis=0, dtype=np.float32)])
@@ -145,14 +148,14 @@ def block_means(array: np.ndarray, blocks: tuple[int, int, int]) -> np.ndarray:
 
 
 def _pooled(images: np.ndarray, rows: int, columns: int) -> np.ndarray:
-    """Means of blocks of images, (N, J, I) float32 to (N, rows, columns)."""
+    """Block means of images: (N, J, I) float32 to (N, rows, columns)."""
     import torch.nn.functional as F
 
     return array_of(F.adaptive_avg_pool2d(tensor_of(images), (rows, columns)))
 
 
 def _in_units(means: np.ndarray, window: IntensityWindow) -> np.ndarray:
-    """Mean intensities, NaN where there is none, in `UNITS_PER_WINDOW` from the middle of the window, int16."""
+    """Mean intensities, NaN if unknown, converted to int16 as `IntensityBlocks.units`."""
     with np.errstate(over="ignore"):
         units = (means - np.float32(0.5 * (window.low + window.high))) * np.float32(UNITS_PER_WINDOW / window.width)
     in_range = np.clip(np.rint(units), -_FURTHEST, _FURTHEST)
@@ -162,7 +165,7 @@ def _in_units(means: np.ndarray, window: IntensityWindow) -> np.ndarray:
 
 @cache
 def _steps_within(radius: float) -> np.ndarray:
-    """Steps along K, J, I, (N, 3), no longer than a radius."""
+    """All offsets (N, 3) along K, J, I that are no longer than a radius."""
     reach = int(radius)
     steps = np.indices((2 * reach + 1,) * 3).reshape(3, -1).T - reach
     near: np.ndarray = steps[np.linalg.norm(steps, axis=1) <= radius]

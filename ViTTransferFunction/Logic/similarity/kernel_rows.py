@@ -1,4 +1,4 @@
-"""Kernels of places with all cells, kept from click to click."""
+"""Rows of the kernel matrix, of background cells and annotated points with all cells, kept between clicks."""
 
 from __future__ import annotations
 
@@ -15,50 +15,59 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 CELLS_AT_ONCE = 256
-"""Rows of so many cells are multiplied at a time, whose product stays near the processor: of whole rows it takes four times as
-long."""
+"""Matrix products are computed for this many cells at a time, so that the result stays in the processor's cache; with whole
+rows they take four times as long."""
 FEW_SUMS = 2
-"""So many sums are computed one by one: each is bound by reading the rows once, which takes a third of a product's time."""
+"""Up to this many sums are computed one by one. Each is limited by reading the rows from memory once, which takes a third of
+the time of a matrix product."""
 POINTS_OF_ROOM = 64
-"""Points' rows come to further rooms of so many: to move all to a larger one keeps a click waiting for half a second. A room
-takes memory where it is written to: to clear one first would take a tenth of a second."""
+"""Rows are allocated in blocks ("rooms") for this many points: copying all of them to a larger array would delay a click by
+half a second. Blocks are not zeroed, which would take a tenth of a second, and so take up memory only where they are written
+to."""
 READ_ANYWAY = 2
-"""So many rows that do not count are read with those before and behind them: to begin anew takes as long."""
+"""Up to this many consecutive rows of weight 0 are read together with the rows around them: a new product takes as long."""
 
 
 class KernelRows:
-    """Kernels with all cells: first one row for each background cell, then two for each point, which come and go.
+    """Kernel rows with all cells: one for each background cell, then two for each point, which are added and dropped.
 
-    Rows are kept from click to click, so that a click costs two new rows and one product with those that count. Also where the
-    processor has bfloat16 in hardware, they are in float32: without matrix units that is as fast, and a single sum much faster.
+    Rows are kept between clicks, so that a click costs two new rows and one product with all rows in use. They are float32 even
+    if the processor supports bfloat16: without matrix units that is as fast, and a single sum is much faster.
 
-    The first row of a point is its kernel, to which some of the second may have been added (`add_second`); the second is the
-    kernel times something else.
+    The first row of a point is its kernel, to which a multiple of the second row may have been added (`add_second`). The second
+    row is the kernel times a factor for each cell.
 
     Args:
-        background: how many background cells there are.
-        cells: how many cells, at least one.
+        background: number of background cells.
+        cells: number of cells, at least one.
 
     Attributes:
-        background: the kernels of the background cells, (background, cells) float32, which whoever makes this has to write.
+        background: the rows of the background cells, (background, cells) float32; the caller fills them in.
     """
 
     def __init__(self, background: int, cells: int) -> None:
         self._cells = cells
         self._background = long_rows(background, cells)
         self.background = array_of(self._background)
-        # Of so many points each: first rows, and second ones.
+        # First and second rows, of `POINTS_OF_ROOM` points each.
         self._rooms: list[tuple[Tensor, Tensor]] = []
         self._slot_of_key: dict[bytes, int] = {}
         self._added_of_key: dict[bytes, float] = {}
 
     @property
     def count(self) -> int:
-        """How many rows there are, also such as have not been written: weights of 0 keep them out of sums."""
+        """Number of rows, including those not written yet; these need a weight of 0."""
         return len(self.background) + 2 * POINTS_OF_ROOM * len(self._rooms)
 
     def weighted(self, weights: np.ndarray) -> np.ndarray:
-        """Sums of rows, (sums, cells) float32, for weights (sums, count) float32: 0 for rows of no point."""
+        """Weighted sums of all rows.
+
+        Args:
+            weights: (sums, count) float32; 0 for rows that belong to no point.
+
+        Returns:
+            (sums, cells) float32.
+        """
         import torch
 
         sums = torch.zeros((len(weights), self._cells))
@@ -67,7 +76,15 @@ class KernelRows:
         return array_of(sums)
 
     def weighted_at(self, weights: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """One of those sums at some cells given by their indices, (cells,) float32, for weights (count,) float32."""
+        """One weighted sum at some of the cells.
+
+        Args:
+            weights: (count,) float32; 0 for rows that belong to no point.
+            cells: indices of cells, (n,).
+
+        Returns:
+            (n,) float32.
+        """
         import torch
 
         sums, places = torch.zeros((1, len(cells))), tensor_of(cells)
@@ -76,7 +93,7 @@ class KernelRows:
         return array_of(sums[0])
 
     def _counting(self, weights: np.ndarray) -> Iterator[tuple[Tensor, Tensor]]:
-        """Stretches of rows (rows, cells) that are not multiplied by 0, and what they are multiplied by, (sums, rows)."""
+        """Yield ranges of rows with weights other than 0, (rows, cells), and their weights, (sums, rows)."""
         first = 0
         for room in (self._background, *itertools.chain.from_iterable(self._rooms)):
             of_room = weights[:, first : first + len(room)]
@@ -85,23 +102,27 @@ class KernelRows:
             first += len(room)
 
     def indices(self, keys: Sequence[bytes], write: Callable[[int, np.ndarray], np.ndarray]) -> np.ndarray:
-        """Which rows those of points are, (points, 2).
+        """The indices of the points' rows, (points, 2).
 
-        Where there are none yet, `write` is given the point's index in `keys` and the first row, (cells,) float32, to write it;
-        and returns what that is multiplied by in the second, (cells,) float32.
+        Missing rows are computed; rows of other keys are dropped.
 
-        Rows of a key that does not come again are forgotten; `write` may raise `Cancelled`, and those that it made are kept.
+        Args:
+            keys: a key for each point.
+            write: called for a missing point with its index in `keys` and its first row, (cells,) float32, which it fills in.
+                It returns the factors of the second row, (cells,) float32. It may raise `Cancelled`; rows that are complete by
+                then are kept.
         """
         import torch
 
         for gone in self._slot_of_key.keys() - set(keys):
             del self._slot_of_key[gone], self._added_of_key[gone]
         taken = set(self._slot_of_key.values())
-        # A stroke of hundreds of points that was undone would keep half a gigabyte.
+        # Otherwise an undone stroke of hundreds of points would hold half a gigabyte.
         del self._rooms[max(taken, default=-1) // POINTS_OF_ROOM + 1 :]
         for index, key in enumerate(keys):
             if key not in self._slot_of_key:
-                # The first that is free: what stands before any that is in use was written, if only by a point that is gone.
+                # The first free slot. Thus all rows before one in use have been written, if only for a former point: some of
+                # them are read with a weight of 0 (`READ_ANYWAY`), where uninitialised memory could hold NaN.
                 slot = next(slot for slot in itertools.count() if slot not in taken)
                 if slot == POINTS_OF_ROOM * len(self._rooms):
                     self._rooms.append((long_rows(POINTS_OF_ROOM, self._cells), long_rows(POINTS_OF_ROOM, self._cells)))
@@ -115,11 +136,14 @@ class KernelRows:
         return indices
 
     def added(self, keys: Sequence[bytes]) -> np.ndarray:
-        """How often each point's second row has been added to its first, (points,)."""
+        """The multiple of each point's second row that has been added to its first, (points,)."""
         return np.array([self._added_of_key[key] for key in keys])
 
     def add_second(self, key: bytes, times: float) -> None:
-        """Have a point's second row added so many times to its first: sums that need both in this proportion read one row."""
+        """Make `times` the multiple of a point's second row that is added to its first.
+
+        Sums that need both rows in this proportion then read only one.
+        """
         if times != self._added_of_key[key]:
             first, second = self._rows_of(self._slot_of_key[key])
             first.add_(second, alpha=times - self._added_of_key[key])
@@ -132,14 +156,14 @@ class KernelRows:
 
 
 def _stretches(counting: np.ndarray) -> list[tuple[int, int]]:
-    """Where stretches of rows begin and end that hold those that count, given in order, and few others."""
+    """Start and end of ranges of rows that contain all of `counting` (sorted) and few others."""
     breaks = np.flatnonzero(np.diff(counting) > READ_ANYWAY + 1)
     begins, ends = np.append(-1, breaks) + 1, np.append(breaks, len(counting) - 1)
     return [(int(counting[begin]), int(counting[end]) + 1) for begin, end in zip(begins, ends, strict=True) if len(counting)]
 
 
 def _add_products(sums: Tensor, factors: Tensor, rows: Tensor) -> None:
-    """Add to sums (S, cells) the factors (S, R) times the rows (R, cells)."""
+    """Add factors (S, R) times rows (R, cells) to sums (S, cells)."""
     if len(sums) <= FEW_SUMS:
         for of_one, factor in zip(sums, factors, strict=True):
             of_one.addmv_(rows.T, factor)

@@ -1,8 +1,8 @@
 """Limits the reach of points that correct an existing result, by a factor on their kernels.
 
-A later positive point is placed where the earlier ones did not find the structure: mostly at a rim, which is thin. If it looks
-unlike them but like much else, its kernel would raise the map there as well. Therefore the kernel of the n-th positive point p
-of a class, in the order placed, is multiplied by
+A later positive point is placed where the result of the earlier ones misses a part of the structure, mostly at a thin rim. If
+it looks unlike them but like much else, its kernel would also raise the map elsewhere. Therefore the kernel of the n-th
+positive point p of a class, in the order placed, is multiplied by
 
     (1 − w) + w exp(−|x − p|² / 2ρ²),    ρ = max(R, c min {|x − p|: x ∈ F(p_m), m < n}),
     w = W (1 − max_m l(p_m, p)) (1 − min(1, A max_m |F(p_m)| / |F(p)|)),
@@ -15,13 +15,13 @@ more common than theirs, and if it lies nearer to what they find. Between two po
 
 which is positive semidefinite, since the second term is the overlap of two Gaussians.
 
-A negative point q is placed where too much was found. If it looks like the class itself, as a voxel at its rim does, its kernel
-would remove the class along with the surplus. Therefore it is multiplied by the same factor, with
+A negative point q is placed where the map is too large. If it looks like the class itself, as a voxel at the rim does, its
+kernel would remove the class along with the excess. Therefore its kernel is multiplied by the same factor, with
 
     ρ = max(R⁻, c⁻ min {|x − q|: x ∉ F(p_1)}),    w = W l(p_1, q),
 
-where p_1 is the class's first positive point: the reach is shorter if q looks more like p_1, and if it lies less deep in what
-p_1 finds. For all other points w is 0.
+where p_1 is the class's first positive point: the reach is shorter if q looks more like p_1, and if it lies less deep within
+the cells that p_1 finds. For all other points w is 0.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ from .place_kernel import CellKernel, Places, alike, nearness
 FIRST_POINTS = 6
 """Number of a class's first positive points whose reach may be limited; later ones have an unlimited reach."""
 LARGEST_WEIGHT = 0.8
-"""W: the largest w, of a positive point that is unlike all before it and finds very many cells, or of a negative one that is
-just like the first positive point."""
+"""W: the largest w. A positive point has it if it is unlike all points before it and finds very many cells; a negative point,
+if it looks exactly like the first positive point."""
 AS_COMMON = 0.5
 """A: a point that finds at most A times as many cells as an earlier one is not more common, so its reach is unlimited."""
 FOUND = 0.2
-"""A point finds the cells whose kernel with it is at least this."""
+"""A point finds the cells with which its kernel is at least this."""
 WIDER = 2.0
-"""c: reach of a positive point, as a multiple of its distance from what earlier ones find."""
+"""c: reach of a positive point, as a multiple of its distance from the cells that earlier ones find."""
 SHORTEST_CELLS = 1.5
 """R, in cells: the shortest reach of positive points."""
 NEGATIVES_WIDER, NEGATIVES_SHORTEST_CELLS = 3.0, 2.5
@@ -86,11 +86,11 @@ class Reach:
 
 
 class PointReach:
-    """The reach of points, kept from click to click.
+    """The reach of points, kept between clicks.
 
     Args:
         with_cells: computes the kernel with all cells.
-        cell: edge of a cell, in units of σ_x.
+        cell: edge length of a cell, in units of σ_x.
     """
 
     def __init__(self, with_cells: CellKernel, cell: float) -> None:
@@ -113,7 +113,7 @@ class PointReach:
         Args:
             key: identifies the point together with those before it.
             point: a single point.
-            before: keys of the class's earlier positive points, for which this was called before.
+            before: keys of the class's earlier positive points, for which this method was called before.
             points_before: the earlier points.
             row: the point's kernel with all cells, (cells,) float32, changed in place.
         """
@@ -126,7 +126,7 @@ class PointReach:
     def apply_to_negative(
         self, key: bytes, point: Places, before: Sequence[bytes], points_before: Places, row: np.ndarray
     ) -> None:
-        """The same for a negative point; `before` holds only the class's first positive point."""
+        """The same for a negative point. `before` contains only the class's first positive point."""
         (first,) = before
         depth = self._depth_in_found(point, first)
         if math.isfinite(depth):
@@ -158,7 +158,8 @@ class PointReach:
 
     def _depth_in_found(self, point: Places, first: bytes) -> float:
         """Distance of a single point from the nearest cell that `first` does not find, in units of σ_x; inf if it finds all."""
-        # The nearest cell is where a Gaussian is highest, which is much faster to compute than distances, as it is separable.
+        # The nearest cell is where a Gaussian around the point is highest. It is separable, and so faster to compute than
+        # distances.
         near = self._with_cells.nearness(point, 1.0)[0]
         near[self._found_by_key[first]] = 0.0
         highest = min(1.0, float(near.max()))
@@ -174,13 +175,14 @@ def points_before(points_ras: np.ndarray, classes: np.ndarray, positive: np.ndar
     """The points whose reach may be limited, each with the positive points of its class on which the reach depends.
 
     Args:
-        points_ras: (P, 3) RAS millimetres, those of a class in the order placed; the same place counts once.
+        points_ras: (P, 3) RAS millimetres, a class's points in the order placed; the same place counts once.
         classes: (P,) the class of each point.
         positive: (P,) bool, whether it is a positive point of that class.
 
     Returns:
-        By index. For each of a class's first positive points, and for later ones at the same place: the indices of the points
-        before the first one at that place. For each negative point: the index of the first positive one.
+        Indices of points, by the index of the point whose reach depends on them. For each of a class's first positive points,
+        and for later ones at the same place: the points before the first one at that place. For each negative point: the
+        class's first positive point.
     """
     before: dict[int, np.ndarray] = {}
     for index in np.unique(classes[positive]):
