@@ -1,7 +1,7 @@
-"""What an extraction will cost, before it runs: seconds and memory, from some tenths of a second of calibration on the device.
+"""Estimates the time and memory of an extraction before it runs; the time from a short calibration on the device.
 
-A slice of n tokens takes a + b·n + c·n² seconds: what is done for each slice, the linear layers, and attention. The three are
-fitted to slices of different sizes, run through one block of the network and through none: all blocks take as long as that one.
+A slice of n tokens takes a + b·n + c·n² seconds: a constant, the linear layers, and attention. The three coefficients are
+fitted to the times of slices of different sizes, run with one block of the network and with none. All blocks take equally long.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ if TYPE_CHECKING:
     from .vision_transformer import VisionTransformer
 
 CALIBRATION_ROWS = (8, 20, 28)
-"""Slices of as many rows and columns of patches: 64, 400 and 784 tokens, of which a slice has some hundreds."""
+"""Calibration slices have this many rows and columns of patches: 64, 400 and 784 tokens. Real slices have some hundreds."""
 CALIBRATION_TOKENS = 800
-"""Short slices are run several at once, as they will be."""
+"""Tokens per calibration batch: short slices are run in batches, as in an extraction."""
 CALIBRATION_DEPTHS = (1, 2)
-"""The keys of the first block; and those of the second, with all of the first before them. What is done once for a slice, such
-as making tokens of its patches, is in both."""
+"""Depths of the calibration networks: up to the keys of the first block, and of the second, which includes all of the first.
+The difference is one block; work that is done once for a slice, such as embedding its patches, is in both."""
 CALIBRATION_ROUNDS = (2, 3)
-"""Through all sizes, at least and at most. The first compiles kernels; of each size the shortest counts, so that what else the
-computer does for a moment spoils none."""
+"""Least and largest number of rounds through all sizes. The first round compiles kernels. The shortest time of each size
+counts, so that brief load from other programs does no harm."""
 CALIBRATION_SECONDS = 0.3
-"""More rounds than the least, only as far as they fit into this: a slow computer does not keep its user waiting."""
+"""Rounds beyond the least number must fit into this, so that calibration stays short on slow computers."""
 
 PREPARATION_ROUNDS = 2
-"""Of one slice of each axis; the shorter counts."""
+"""Repetitions with one slice of each axis; the shortest time counts."""
 
 KERNELS_BYTES = 150_000_000
-"""Measured (Benchmarks/results/features.json): kernels that a processor's libraries compile and keep, and gaps in memory."""
+"""Measured (Benchmarks/results/features.json): kernels that CPU libraries compile and keep, and memory fragmentation."""
 
 _FLOAT32 = 4
 
@@ -55,10 +55,10 @@ class FeatureCost:
     """What an extraction costs.
 
     Attributes:
-        shape: patches that the features have along the canonical axes (`ExtractionPlan`).
-        tokens: patches that the network sees.
-        seconds: on the device that was calibrated.
-        peak_bytes: memory in use at the most, beyond what was in use before; the features themselves included.
+        shape: size of the feature grid in patches along the canonical axes (`ExtractionPlan`).
+        tokens: number of patches that the network sees.
+        seconds: duration on the calibrated device.
+        peak_bytes: peak memory beyond what was in use before, including the features themselves.
     """
 
     shape: tuple[int, int, int]
@@ -79,19 +79,19 @@ class NetworkSpeed:
 
 
 def calibrate(network: VisionTransformer, settings: FeatureSettings) -> NetworkSpeed:
-    """Measure the network on its device, in the precision of the settings."""
+    """Measure the speed of the network on its device, in the precision of the settings."""
     converted = network.converted(network.device, settings.dtype_on(network.device))
     short = [converted.first_blocks(depth) for depth in CALIBRATION_DEPTHS]
     without_blocks, with_one = _seconds_of_slices(short, settings.merge_background)
     seconds = without_blocks + (network.model.depth - 1) * np.maximum(with_one - without_blocks, 0.0)
     sizes = [rows * rows for rows in CALIBRATION_ROWS]
-    # Relative errors count: the shortest slice is as good a witness as the longest.
+    # A fit of relative errors, so that short slices count as much as long ones.
     coefficients, _ = nnls(_powers(sizes) / seconds[:, None], np.ones(len(sizes)))
     return NetworkSpeed(coefficients)
 
 
 def feature_cost(volume: Volume, settings: FeatureSettings, network: VisionTransformer, speed: NetworkSpeed) -> FeatureCost:
-    """Estimate what `extract_features` will take; a fraction of a second, of which most is finding the background."""
+    """Estimate the cost of `extract_features`. Takes a fraction of a second, mostly to find the background."""
     start = time.perf_counter()
     plan = ExtractionPlan(volume, settings)
     seconds = time.perf_counter() - start
@@ -102,19 +102,19 @@ def feature_cost(volume: Volume, settings: FeatureSettings, network: VisionTrans
 
 
 def feature_memory_bytes(volume: Volume, settings: FeatureSettings, model: PretrainedModel, device: torch.device) -> int:
-    """The `peak_bytes` of `feature_cost`, which can be told without the weights."""
+    """The `peak_bytes` of `feature_cost`, for which no weights are needed."""
     return _working_bytes(ExtractionPlan(volume, settings), settings, model, device)
 
 
 def _preparation_seconds(plan: ExtractionPlan, network: VisionTransformer) -> float:
-    """Seconds in which all slices become patches, from one slice of each axis."""
+    """Seconds to prepare the patches of all slices, extrapolated from one slice of each axis."""
     patches = plan.patches(network.model.patch_size, network.device)
     slices = [sum(len(batch.samples) for batch in plan.batches if batch.axis == axis) for axis in range(3)]
     seconds = 0.0
     for axis, of_axis in enumerate(patches):
         batch = next(batch for batch in plan.batches if batch.axis == axis)
         once = []
-        # The first product on a graphics card loads a library, which takes longer than all the slices of a scan.
+        # The first matrix product on a GPU loads a library, which takes longer than all slices of a scan.
         for _ in range(PREPARATION_ROUNDS):
             start = time.perf_counter()
             of_axis.tokens(batch.samples[-1].position, batch.chosen[-1])
@@ -124,25 +124,25 @@ def _preparation_seconds(plan: ExtractionPlan, network: VisionTransformer) -> fl
 
 
 def _working_bytes(plan: ExtractionPlan, settings: FeatureSettings, model: PretrainedModel, device: torch.device) -> int:
-    """What is held while slices are run."""
+    """Peak memory of an extraction, in bytes."""
     channels, pixels = model.embed_dim, 3 * model.patch_size**2
     number, longest = settings.dtype_on(device).itemsize, max(plan.tokens_of_slices())
-    # Those in single precision are there already.
+    # Weights in single precision are in memory already.
     weights = 0 if number == _FLOAT32 else number * sum(map(math.prod, expected_shapes(model).values()))
-    # Of a batch: its pixels as they come and as the network takes them; tokens, queries, keys, values, what attention gives.
+    # Per token of a batch: its pixels in float32 and as network input; tokens, queries, keys, values, attention output.
     of_token = _FLOAT32 * pixels + number * (pixels + 5 * channels)
     hidden = number * (8 if model.gated_mlp else 4) * channels * ROWS_AT_ONCE
     if model.rotary_positions:
-        # Cosines and sines; queries and keys as they are turned, and twice what that takes.
+        # Cosines and sines; rotated queries and keys, with temporaries of twice that size.
         of_token += _FLOAT32 * channels // model.num_heads
         hidden += _FLOAT32 * 6 * channels * ROWS_AT_ONCE
-    # Sums in float32, and the features in float16 that they become.
+    # Sums in float32, and the resulting features in float16.
     features = (_FLOAT32 + 2) * channels * math.prod(plan.shape)
     return weights + features + of_token * max(TOKENS_PER_BATCH, longest) + hidden + KERNELS_BYTES
 
 
 def _seconds_of_slices(networks: list[VisionTransformer], counted: bool) -> np.ndarray:
-    """Seconds for one slice of each size, in a batch, (networks, sizes); `counted` as where patches stand for others."""
+    """Seconds per slice of each size, (networks, sizes); `counted`: with token counts, as for merged patches."""
     batches = [_batch(rows, networks[0].model.patch_size, counted) for rows in CALIBRATION_ROWS]
     buffers, rounds = BufferPool(), list[list[list[float]]]()
     least, most = CALIBRATION_ROUNDS
@@ -153,7 +153,7 @@ def _seconds_of_slices(networks: list[VisionTransformer], counted: bool) -> np.n
 
 
 def _batch(rows: int, patch_size: int, counted: bool) -> list[PatchTokens]:
-    """Slices of rows × rows patches that are run at once."""
+    """A batch of slices of rows × rows patches; `counted`: with token counts, as for merged patches."""
     import torch
 
     tokens = rows * rows
@@ -163,9 +163,9 @@ def _batch(rows: int, patch_size: int, counted: bool) -> list[PatchTokens]:
 
 
 def _seconds(network: VisionTransformer, batch: list[PatchTokens], buffers: BufferPool) -> float:
-    """What the batch takes."""
+    """Seconds that the batch takes."""
     start = time.perf_counter()
-    # Copying the keys waits for a device that works on while the program goes on.
+    # Devices compute asynchronously; copying the keys waits for them.
     network.keys_of_tokens(batch, buffers).cpu()
     return time.perf_counter() - start
 

@@ -1,6 +1,6 @@
-"""How much memory there is for what is about to be computed, and refusing early what cannot fit.
+"""How much memory is available, and a check before work that needs much of it.
 
-Where memory runs out, the system ends the program without a word, after minutes of work.
+If memory runs out, the operating system kills the program without a message, after minutes of work.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from .errors import InputError
 
 
 def require_memory(needed_bytes: int, what: str, advice: str) -> None:
-    """Refuse what does not fit into memory.
+    """Check that work fits into the available memory, swap space included.
 
     Args:
-        needed_bytes: beyond what is in use already.
-        what: is to be done, as the beginning of a sentence: "Segmenting 'scan'".
-        advice: what the user can do, a sentence.
+        needed_bytes: memory that the work needs, in addition to what is in use.
+        what: the work, as the beginning of a sentence: "Segmenting 'scan'".
+        advice: what the user can do, as a sentence.
 
     Raises:
-        InputError: there is less, swap space included. Where the system does not tell, nothing is refused.
+        InputError: less memory is available. Never raised if the system does not report how much there is.
     """
     available = available_memory_bytes()
     if available is not None and needed_bytes > available:
@@ -32,17 +32,17 @@ def require_memory(needed_bytes: int, what: str, advice: str) -> None:
 
 
 def available_memory_bytes(root: Path = Path("/"), with_swap: bool = True) -> int | None:
-    """Memory that can still be had; None where the system does not tell.
+    """The available memory in bytes; None if the system does not report it. On macOS, the total memory.
 
     Args:
-        root: of the file system in which Linux tells.
-        with_swap: whether swap space counts, where the system tells them apart.
+        root: root of the file system with Linux's `/proc` and `/sys`.
+        with_swap: whether swap space counts as well, on Windows and Linux.
     """
     if sys.platform == "win32":
         return _on_windows(with_swap)
     meminfo = root / "proc/meminfo"
     if not meminfo.is_file():
-        # macOS does not tell what is free in a word; more than all there is, there never is.
+        # macOS has no simple query for available memory; the total is an upper bound.
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if "SC_PHYS_PAGES" in os.sysconf_names else None
     fields = dict(line.split(":") for line in _text(meminfo).splitlines() if ":" in line)
     names = ("MemAvailable", "SwapFree") if with_swap else ("MemAvailable",)
@@ -51,7 +51,7 @@ def available_memory_bytes(root: Path = Path("/"), with_swap: bool = True) -> in
 
 
 def _of_control_groups(root: Path) -> list[int]:
-    """What limits on containers and cluster jobs leave: of this process's group and all around it."""
+    """Memory left by the limits of control groups (containers, cluster jobs): of this process's group and all its parents."""
     membership = root / "proc/self/cgroup"
     if not membership.is_file():
         return []
@@ -68,13 +68,13 @@ def _of_control_groups(root: Path) -> list[int]:
                 break
             limit, used = (_number(group / name) for name in names)
             if limit is not None and used is not None:
-                # What files were read or written fills caches, which give way.
+                # Memory used by the file cache is reclaimed when needed.
                 left.append(max(limit - used + _reclaimable(group / "memory.stat"), 0))
     return left
 
 
 def _number(path: Path) -> int | None:
-    """The number in a file; None where there is none, as for "max"."""
+    """The number in a file; None if it contains none (such as "max") or cannot be read."""
     try:
         return int(_text(path))
     except (OSError, ValueError):
