@@ -1,4 +1,4 @@
-"""The headers of DICOM files: where their slices lie, and of which series they are."""
+"""Headers of DICOM files: position, series, and other properties of slices."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ from .dicom_text import text_of
 from .image_formats import DICOM_READER
 
 ROUNDED_DIRECTION = 0.05
-"""By so much may numbers of a direction differ from those of length 1 that were taken for it."""
+"""Tolerance between the stated components of a direction and those of the unit vector that ITK made of it."""
 
 
 @dataclass(frozen=True, eq=False)
 class DicomSlice:
-    """What is known of a slice, or of the frames of one file, without its voxels.
+    """What the header says about a slice, or about the frames of one file.
 
     Attributes:
         path: of the file.
-        position: of the first pixel, (3,), LPS millimetres.
-        directions: of its axes, in columns (3, 3), its normal as the last.
-        size: (I, J, K); K is 1 but where a file has several frames.
-        pixel_mm: between the middles of pixels along I and J, (2,), millimetres; 0 where its header has something else than
-            numbers there, of which ITK makes anything.
-        unsaid: which of `POSITION`, `ORIENTATION` and `PIXEL_SIZE` its header does not say, neither where those of slices do
-            nor where those of frames do, or not as they can be. ITK takes 0, axial, and 1 mm.
-        kind: of number that ITK makes of its pixels. Each slice may be scaled in a way of its own, as in PET.
-        components: of each pixel; more than one in pictures in colour.
-        is_inverted: whether the lowest number is white (MONOCHROME1). ITK, and so Slicer, then exchanges high and low ones.
-        series_uid: of the series, (0020,000E); "" where it was removed.
+        position: centre of the first pixel, (3,), LPS millimetres.
+        directions: directions of the axes, in columns (3, 3); the last one is the normal.
+        size: (I, J, K); K is 1 except for files with several frames.
+        pixel_mm: distances between pixel centres along I and J, (2,), millimetres; 0 if the header contains something other
+            than numbers, for which ITK makes up values.
+        unsaid: which of `POSITION`, `ORIENTATION` and `PIXEL_SIZE` the header lacks or states with invalid values, both where
+            slices state them and where frames do. ITK assumes 0, axial, and 1 mm instead.
+        kind: ITK's pixel type. It may differ between slices, since each may have its own scaling, as in PET.
+        components: numbers per pixel; more than one in colour images.
+        is_inverted: whether the lowest number is white (MONOCHROME1). ITK, and therefore Slicer, inverts such intensities.
+        series_uid: (0020,000E); "" if it was removed.
         series_number: (0020,0011), or "".
         description: of the series, (0008,103E), or "".
         modality: (0008,0060), or "".
-        date: on which the series was taken, or else the study: YYYY-MM-DD, or "".
-        instead: what it is instead of a scan, as `instead_of_scan` says; "" where it may be one.
-        traits: what else the header says, in one line each, by tags as ITK writes them ("0018|0081").
+        date: of the series, or else of the study: YYYY-MM-DD, or "".
+        instead: what the file is if not a scan (`instead_of_scan`); "" if it may be one.
+        traits: values of further elements, by tag as ITK writes it ("0018|0081").
     """
 
     path: Path
@@ -69,11 +69,11 @@ def read_slice(path: Path, traits: Sequence[str] = ()) -> DicomSlice:
 
     Args:
         path: of the file.
-        traits: tags of what the slice shall have as its `traits`.
+        traits: tags of the elements to read into `DicomSlice.traits`.
 
     Raises:
-        RuntimeError: of ITK, where the file is cut off, is no DICOM, or holds no image, as reports and outlines do.
-        InputError: it cannot be read, or memory has no room for what is packed in it.
+        RuntimeError: from ITK: the file is truncated, is not DICOM, or contains no image, such as reports and contours.
+        InputError: the file cannot be read, or its unpacked content does not fit into memory.
     """
     require_memory_to_unpack(path)
     reader = sitk.ImageFileReader()
@@ -102,7 +102,15 @@ def read_slice(path: Path, traits: Sequence[str] = ()) -> DicomSlice:
 
 
 def check_may_be_scan(path: Path, on_warning: Callable[[str], None]) -> None:
-    """Raise InputError where a DICOM file is known to be something else than a scan; `on_warning`: of `warn_of_inversion`."""
+    """Check that a DICOM file may be a scan.
+
+    Args:
+        path: of the file.
+        on_warning: is called with a warning if intensities are inverted (`warn_of_inversion`).
+
+    Raises:
+        InputError: it is known to be something else, cannot be read, or does not fit into memory.
+    """
     try:
         found = read_slice(path)
     except RuntimeError:
@@ -115,12 +123,12 @@ def check_may_be_scan(path: Path, on_warning: Callable[[str], None]) -> None:
 
 
 def warn_of_inversion(path: Path, slices: Sequence[DicomSlice], on_warning: Callable[[str], None]) -> None:
-    """Warn where slices are inverted: nothing in the volume shows that its intensities are not those of the scanner.
+    """Warn if slices are inverted, since nothing in the volume shows that its intensities differ from the scanner's.
 
     Args:
-        path: of the file or folder that they are from.
+        path: of the file or folder that contains the slices.
         slices: of one volume.
-        on_warning: is told.
+        on_warning: is called with the warning.
     """
     if any(each.is_inverted for each in slices):
         on_warning(
@@ -130,7 +138,7 @@ def warn_of_inversion(path: Path, slices: Sequence[DicomSlice], on_warning: Call
 
 
 def heights(slices: Sequence[DicomSlice]) -> np.ndarray:
-    """Where slices lie along the normal of the first, (N,), millimetres."""
+    """Positions of slices along the normal of the first, (N,), millimetres."""
     return np.array([each.position for each in slices]) @ slices[0].directions[:, 2]
 
 
@@ -141,7 +149,7 @@ def turned(slices: Sequence[DicomSlice]) -> np.ndarray:
 
 
 def number_of(text: str) -> float | None:
-    """What a header has as text, as a number; None where it is none."""
+    """The number in a header's text; None if the text is not a number."""
     try:
         return float(text)
     except ValueError:
@@ -149,19 +157,19 @@ def number_of(text: str) -> float | None:
 
 
 def _unsaid(reader: sitk.ImageFileReader) -> Iterator[str]:
-    """What is not said where slices say it."""
+    """Tags that the header lacks in the place where single slices have them."""
     if not text_of(reader, POSITION):
         yield POSITION
     if not _says_orientation(reader):
         yield ORIENTATION
     sizes = text_of(reader, PIXEL_SIZE).split("\\")
-    # Some kinds of image say it elsewhere, where ITK finds it.
+    # Some kinds of images state it elsewhere, where ITK finds it.
     if not all(map(_is_length, sizes)) and 1.0 in reader.GetSpacing()[:2]:
         yield PIXEL_SIZE
 
 
 def _says_orientation(reader: sitk.ImageFileReader) -> bool:
-    """Whether a header's directions are those that were taken: ITK passes over what are none, or not at right angles."""
+    """Whether ITK used the header's directions; it ignores those that are invalid or not perpendicular."""
     said = [number_of(part) for part in text_of(reader, ORIENTATION).split("\\")]
     if len(said) != 6 or None in said:
         return False
@@ -169,7 +177,7 @@ def _says_orientation(reader: sitk.ImageFileReader) -> bool:
 
 
 def _directions(reader: sitk.ImageFileReader) -> np.ndarray:
-    """Of the axes, in columns (3, 3)."""
+    """Directions of the axes, in columns (3, 3)."""
     directions: np.ndarray = np.array(reader.GetDirection()).reshape(reader.GetDimension(), -1)[:3, :3]
     return directions
 

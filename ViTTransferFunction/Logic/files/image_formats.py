@@ -1,6 +1,7 @@
-"""The formats that volumes are read from, and what their headers say of the voxels.
+"""The file formats of volumes, and what their headers say about the voxels.
 
-ITK reads the headers for all else. It must not see some of them: it crashes, hangs, or reads another file than was named.
+Everything else in the headers is read by ITK. Some headers have to be refused before, since ITK would crash, hang, or read a
+file other than the named one.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ DICOM_READER = "GDCMImageIO"
 NIFTI_READER = "NiftiImageIO"
 
 _ARCHIVE_ENDINGS = (".zip", ".7z", ".rar", ".tar", ".tar.gz", ".tgz")
-"""In which scans often come from hospitals and public collections."""
+"""Hospitals and public collections often provide scans in such archives."""
 SEGMENTATION_ENDING = ".seg.nrrd"
-"""Of Slicer's segmentations."""
+"""File name ending of Slicer's segmentations."""
 
 
 @dataclass(frozen=True)
@@ -29,12 +30,12 @@ class ImageFormat:
 
     Attributes:
         reader: the name of ITK's reader.
-        locate: finds the voxels of a file of this format, whose first bytes are given; None: the reader itself notices what is
-            missing. Raises InputError where the header cannot be used.
-        says_spacing: whether a header, given by the file's first bytes, says how far apart voxels are along all three axes.
-        says_sides: whether the header of a file, whose first bytes are given, says which sides of the patient its axes lead
-            to. Raises InputError where it cannot be used.
-        header: the file with the header, where a file of this format is given.
+        locate: finds the voxels of a file, given its first bytes; None: ITK's reader reports missing voxels by itself. Raises
+            InputError if the header cannot be used.
+        says_spacing: whether a header, given the file's first bytes, states the spacing of voxels along all three axes.
+        says_sides: whether a file's header, given its first bytes, states the anatomical directions of its axes. Raises
+            InputError if the header cannot be used.
+        header: the path of the file that contains the header, given the path of a file of this format.
     """
 
     reader: str
@@ -45,10 +46,12 @@ class ImageFormat:
 
 
 def image_format(path: Path) -> ImageFormat:
-    """The format that a file is of: DICOM under any name, since many call its slices `.img`; else by its ending in any case.
+    """The format of a file.
+
+    DICOM is recognised by its content, since many DICOM slices are named `.img`; other formats by their ending in any case.
 
     Raises:
-        InputError: it cannot be read, or is of none whose completeness can be checked.
+        InputError: the file cannot be read, is an archive, or is of no known format.
     """
     if is_dicom_start(read_start(path, DICOM_START_BYTES)):
         return ImageFormat(DICOM_READER, lambda _path, _start: None)
@@ -61,27 +64,27 @@ def image_format(path: Path) -> ImageFormat:
 
 
 def check_no_archive(name: str) -> None:
-    """Raise an InputError if a file is an archive by its name, which the message shows as it is."""
+    """Raise InputError if a file is an archive, judging by its name; the message contains the name as given."""
     if name.lower().endswith(_ARCHIVE_ENDINGS):
         raise InputError(f"{name} is an archive. Unpack it, and open the image in it, or the folder with the DICOM files.")
 
 
 def image_ending(path: Path) -> str | None:
-    """The ending, in lower case, that says the file's format; None where it says none."""
+    """The ending, in lower case, by which the file's format is known; None if there is none."""
     return next((ending for ending in _FORMATS if path.name.lower().endswith(ending)), None)
 
 
 def volume_ending(path: Path) -> str | None:
-    """The ending, in lower case, of a file that is one volume, for those who look for volumes in a folder; None: it is none.
+    """The ending, in lower case, of a file that stands for one volume when folders are searched; None if it does not.
 
-    Neither are segmentations, nor the half of a pair of files that holds the voxels.
+    Segmentations do not, and of a pair of files the one with the voxels does not.
     """
     ending = image_ending(path)
     return ending if ending in VOLUME_ENDINGS and not path.name.lower().endswith(SEGMENTATION_ENDING) else None
 
 
 def locate_voxels(path: Path) -> StoredVoxels | None:
-    """Where an image file's voxels are; None where its reader itself notices what is missing.
+    """Where an image file's voxels are; None if ITK's reader reports missing voxels by itself.
 
     Raises:
         InputError: the file cannot be read, is of no known format, or its header cannot be used.
@@ -90,14 +93,14 @@ def locate_voxels(path: Path) -> StoredVoxels | None:
 
 
 def named_voxels(path: Path) -> str | None:
-    """What the header of an image file says where its voxels are, as it is written; None: in the file itself.
+    """The file that a header names as the one with the voxels, as written there; None: they are in the same file.
 
-    Of a list of files, only its beginning.
+    If the header has a list of files, only its beginning.
 
     Raises:
         InputError: the file cannot be read.
     """
-    # Teem goes by the first letters, MetaIO by the name.
+    # Teem (NRRD) recognises files by their first bytes, MetaIO by their name.
     if read_start(path, 4) == b"NRRD":
         return nrrd_header.named_voxels(path)
     is_meta_image = path.name.lower().endswith((".mha", ".mhd"))
@@ -105,7 +108,7 @@ def named_voxels(path: Path) -> str | None:
 
 
 def says_spacing(path: Path) -> bool:
-    """Whether the header of a file says how far apart its voxels are; where it does not, ITK, and so Slicer, takes 1 mm.
+    """Whether the header of a file states the voxel spacing; if not, ITK, and therefore Slicer, assumes 1 mm.
 
     Raises:
         InputError: the file cannot be read, or is of no known format.
@@ -114,9 +117,9 @@ def says_spacing(path: Path) -> bool:
 
 
 def says_sides(path: Path) -> bool:
-    """Whether the header of a file says which sides of the patient its axes lead to.
+    """Whether the header of a file states the anatomical directions of its axes.
 
-    Where it does not, ITK, and so Slicer, takes them for left, back and head.
+    If not, ITK, and therefore Slicer, assumes left, posterior and superior.
 
     Raises:
         InputError: the file cannot be read, is of no known format, or its header cannot be used.
@@ -137,7 +140,7 @@ _FORMATS = {
     ".nii.gz": _NIFTI, ".nii": _NIFTI, ".hdr": _PAIR, ".img": _PAIR,
     ".nrrd": _NRRD, ".nhdr": _NRRD, ".mha": _META_IMAGE, ".mhd": _META_IMAGE,
 }  # fmt: skip
-"""By the ending. Of other formats that ITK knows (VTK, GIPL, MRC, TIFF, …) it makes a volume even where they were cut off."""
+"""By the ending. Other formats of ITK (VTK, GIPL, MRC, TIFF, …) are left out: it reads truncated files without an error."""
 
 VOLUME_ENDINGS = tuple(ending for ending in _FORMATS if ending != ".img")
-"""Of files that are one volume; the other half of a pair is its `.hdr`."""
+"""Endings of files that stand for one volume; a pair of files is represented by its `.hdr`."""

@@ -1,6 +1,6 @@
-"""Headers of NIfTI-1, and of Analyze 7.5, which has the same fields where they are read here.
+"""Headers of NIfTI-1, and of Analyze 7.5, whose fields are the same as far as they are read here.
 
-After nifti1.h of the NIfTI data format working group. Where voxels lie in space is in `nifti_place`.
+Written after nifti1.h of the NIfTI Data Format Working Group. `nifti_place` reads the position of the volume in space.
 """
 
 from __future__ import annotations
@@ -22,14 +22,22 @@ _HEADER_BYTES = 348
 _GZIP = b"\x1f\x8b"
 _TYPES = {1: (2, 256), 2: (4, 512), 4: (8, 16, 768), 8: (64, 1024, 1280)}
 _VOXEL_BYTES = {kind: size for size, kinds in _TYPES.items() for kind in kinds}
-"""By the code of the type."""
+"""Bytes per voxel, by data type code."""
 _NO_INTENSITIES = {32: "complex numbers", 1792: "complex numbers", 128: "colours", 2304: "colours"}
 _FLOATS = {16: "f4", 64: "f8"}
-"""Of which ITK makes zeros where they are not finite: a CT beyond its field of view, say, would be of water."""
+"""Floating-point types. ITK replaces their non-finite values by 0, which in a CT outside the field of view would mean water."""
 
 
 def locate(path: Path, start: bytes) -> StoredVoxels:
-    """Where the voxels of a file of one part are, whose first bytes are given. Raises InputError: its header cannot be used."""
+    """Where the voxels of a single-file NIfTI are.
+
+    Args:
+        path: of the file.
+        start: its first bytes.
+
+    Raises:
+        InputError: the header cannot be used.
+    """
     header, compressed = _header(path, start)
     if compressed and not path.name.lower().endswith(".gz"):
         raise InputError(f"{path} is compressed; give it the ending .nii.gz.")
@@ -46,7 +54,15 @@ def locate(path: Path, start: bytes) -> StoredVoxels:
 
 
 def locate_of_pair(path: Path, start: bytes) -> StoredVoxels:
-    """The same of files of one name, one with the header and one with the voxels: NIfTI of two files, or Analyze."""
+    """Where the voxels of a pair of files are, of which one has the header: two-file NIfTI, or Analyze.
+
+    Args:
+        path: of either file.
+        start: its first bytes.
+
+    Raises:
+        InputError: a file of the pair is missing, or the header cannot be used.
+    """
     header_path = header_of_pair(path)
     check_is_there(path, "header", header_path)
     header = start if header_path == path else read_start(header_path)
@@ -60,27 +76,27 @@ def locate_of_pair(path: Path, start: bytes) -> StoredVoxels:
 
 
 def says_sides(path: Path, start: bytes) -> bool:
-    """Whether the header of a file, whose first bytes are given, says which sides of the patient its axes lead to.
+    """Whether the header of a file, given its first bytes, states the anatomical directions of its axes.
 
     Raises:
-        InputError: it cannot be used.
+        InputError: the header cannot be used.
     """
     header, _ = _header(path, start)
     return nifti_says_place(header, _byte_order(path, header))
 
 
 def says_sides_of_pair(path: Path, _start: bytes) -> bool:
-    """The same of files of one name, of which either is given."""
+    """The same for a pair of files, of which `path` is either one."""
     return says_sides(path, read_start(header_of_pair(path)))
 
 
 def header_of_pair(path: Path) -> Path:
-    """Of files of one name, of which either is given, the one with the header."""
+    """The file with the header, given either file of a pair."""
     return _sibling(path, ".hdr")
 
 
 def _sibling(path: Path, ending: str) -> Path:
-    """The other file of a pair, whose ending is in the same case."""
+    """The file of a pair with this ending, in upper case if the given file's ending is."""
     return path.with_suffix(ending.upper() if path.suffix.isupper() else ending)
 
 
@@ -106,7 +122,7 @@ def _byte_order(path: Path, header: bytes) -> str:
 
 
 def _voxels(path: Path, header: bytes, order: str) -> tuple[StoredVoxels, int]:
-    """Of what kind the voxels are, and where the first one is; refuses what ITK would replace by a guess."""
+    """The type of the voxels, and the offset of the first one; raises InputError if ITK would guess instead."""
     sizes = struct.unpack_from(order + "8h", header, 40)
     (kind,) = struct.unpack_from(order + "h", header, 70)
     spacing = np.array(struct.unpack_from(order + "8f", header, 76))

@@ -1,7 +1,8 @@
-"""The volumes of one DICOM series that has several at the same places: phases of a heart or a contrast agent, echoes, b-values.
+"""Splits a DICOM series into volumes if it has several at the same positions: heart or contrast phases, echoes, b-values.
 
-They are told apart by what differs between the slices at one place. That is a value which all slices of a volume share, as the
-echo time is; or, where each slice has its own, as with the time at which it was taken, the order of the values at each place.
+Volumes are distinguished by a header element whose value differs between slices at the same position. Either all slices of a
+volume share its value, such as the echo time; or each slice has its own, such as the acquisition time, and the order of the
+values at each position decides.
 """
 
 from __future__ import annotations
@@ -16,26 +17,26 @@ import numpy as np
 from .dicom_slice import DicomSlice, heights, number_of, turned
 
 SAME_PLACE = 0.01
-"""Heights that differ by less are one, as a share of the distance between places."""
+"""Slices whose heights differ by less are at the same position, as a share of the distance between positions."""
 SAME_HEIGHT_MM = 0.001
-"""And by less than this: that of rounding."""
+"""Differences in height up to this are rounding errors."""
 
 SAME_PLACE_MM = 0.1
-"""By which slices at one height may lie off each other within their plane."""
+"""Largest shift within the plane between slices at the same position."""
 
 NOON, MIDNIGHT = 120000.0, 240000.0
-"""As DICOM writes times of day, HHMMSS."""
+"""Times of day as DICOM writes them, HHMMSS."""
 
 
 @dataclass(frozen=True)
 class Trait:
-    """Something that volumes of a series may differ in.
+    """A header element in which the volumes of a series may differ.
 
     Attributes:
         tag: of the element, as ITK writes it.
-        name: before its value, in the name of a volume.
-        unit: behind it.
-        order: what the order of its values is called; "" where that says nothing.
+        name: precedes the value in the name of a volume.
+        unit: follows the value.
+        order: what the order of its values is called; "" if their order has no meaning.
     """
 
     tag: str
@@ -44,14 +45,14 @@ class Trait:
     order: str = ""
 
     def value(self, one: DicomSlice) -> str:
-        """As a user would write it, such as "4.6" for "4.60"; "" where it is missing."""
+        """The value in the header of a slice, written as users would, such as "4.6" for "4.60"; "" if it is missing."""
         text = one.traits.get(self.tag, "")
         if self.order == "time":
             return text.rstrip("0").rstrip(".") if "." in text else text
         return f"{number:g}" if (number := number_of(text)) is not None else text
 
     def told(self, value: str) -> str:
-        """The name of a volume with this value."""
+        """The name of the volume with this value."""
         if not value:
             return f"no {self.name}"
         if self.order == "time" and value[:6].isdigit():
@@ -76,17 +77,18 @@ TRAITS = (
     Trait("0018|0024", "sequence"),
     Trait("0020|0013", "image number", order="image number"),
 )
-"""From what says most to users to what says least."""
+"""From the most to the least informative for users."""
 
 
 def volumes_of_series(slices: Sequence[DicomSlice]) -> list[tuple[str, list[DicomSlice]]]:
-    """The volumes of a series: what each is called among them, and its slices.
+    """The volumes of a series: the name of each within the series, and its slices.
 
     Args:
         slices: of one series, sorted by their heights.
 
     Returns:
-        All slices, called "", where no two are at one place, or nothing tells apart those that are.
+        All slices as one volume with the name "" if no two slices are at the same position, or nothing distinguishes those that
+        are.
     """
     places = _places(slices)
     found = None if places is None else _told_apart(list(zip(places, slices, strict=True)), TRAITS)
@@ -100,7 +102,7 @@ _Volume = tuple[tuple[str, ...], _Placed]
 
 
 def _places(slices: Sequence[DicomSlice]) -> list[int] | None:
-    """The number of the place at which each slice lies; None where there are not several of one size at the same places."""
+    """The index of each slice's position; None unless several slices of equal size share positions."""
     if len({one.size for one in slices}) > 1 or slices[0].size[2] > 1 or turned(slices).any():
         return None
     gaps = np.diff(heights(slices))
@@ -116,7 +118,7 @@ def _places(slices: Sequence[DicomSlice]) -> list[int] | None:
 
 
 def _told_apart(placed: _Placed, traits: Sequence[Trait]) -> list[_Volume] | None:
-    """The volumes of slices, by traits that may still tell them apart; None where they do not."""
+    """Split slices into volumes by traits; None if the traits cannot distinguish them."""
     if len({place for place, _ in placed}) == len(placed):
         return [((), placed)]
     for number, trait in enumerate(traits):
@@ -129,7 +131,7 @@ def _told_apart(placed: _Placed, traits: Sequence[Trait]) -> list[_Volume] | Non
 
 
 def _by_value(placed: _Placed, trait: Trait) -> list[tuple[str, _Placed]] | None:
-    """Slices of each value, where one place, at least, has all values; else these are not volumes' but places' own."""
+    """Slices by value; None unless some position has all values: otherwise they belong to positions, not to volumes."""
     parts: dict[str, _Placed] = {}
     for place, one in placed:
         parts.setdefault(trait.value(one), []).append((place, one))
@@ -141,7 +143,7 @@ def _by_value(placed: _Placed, trait: Trait) -> list[tuple[str, _Placed]] | None
 
 
 def _by_order(placed: _Placed, trait: Trait) -> list[_Volume] | None:
-    """Slices that have the lowest value at each place, then those that have the second, where each place has as many."""
+    """Volumes by the rank of values at each position; None if values are equal there, or positions have different counts."""
     at_places = [[one for _, one in group] for _, group in groupby(placed, key=itemgetter(0))]
     count, order = len(at_places[0]), _order_of(trait, (trait.value(one) for _, one in placed))
     keys = [{order(trait.value(one)) for one in at_place} for at_place in at_places]
@@ -155,7 +157,7 @@ def _by_order(placed: _Placed, trait: Trait) -> list[_Volume] | None:
 
 
 def _image_types(values: Sequence[str]) -> list[str]:
-    """Image types without what all have, where that tells them apart as well."""
+    """Image types without their common parts, if they remain distinct."""
     parts = [value.split("\\") for value in values]
     common = set.intersection(*map(set, parts))
     short = ["\\".join(part for part in each if part not in common) for each in parts]
@@ -163,7 +165,7 @@ def _image_types(values: Sequence[str]) -> list[str]:
 
 
 def _order_of(trait: Trait, values: Iterable[str]) -> Callable[[str], tuple[float, str]]:
-    """How values of a trait are sorted. Times of day that are more than half a day apart were taken around midnight."""
+    """The sort key for values of a trait. Times that span more than half a day are taken to be around midnight."""
     numbers = [number for value in values if (number := number_of(value)) is not None]
     if trait.order != "time" or not numbers or max(numbers) - min(numbers) < NOON:
         return _in_order
