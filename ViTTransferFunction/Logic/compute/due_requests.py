@@ -1,8 +1,8 @@
-"""What is to be asked about the classes next: the most urgent first, and each only when it delays nothing more urgent.
+"""Decides which request is sent to the compute process next: the most urgent first, and each only if it delays no other.
 
-Maps are due at once after each change of the annotations, and a change overtakes a refinement that is still running. Once they
-are there, what follows from them is due: close-ups, the rendering in 3D, how large segments are, and refined maps when the user
-pauses.
+Maps are requested immediately after each change of the annotations; a refinement that is still running is cancelled. When the
+maps have arrived, what depends on them is requested: close-ups, the 3D rendering, the volumes of segments, and refined maps
+once the user pauses.
 """
 
 from __future__ import annotations
@@ -18,37 +18,37 @@ from .pending_requests import PendingRequests
 from .requests import ComputeMaps, LookCloser, MeasureMaps, RefineMaps, Refinement, Render, RenderingMode
 
 Casting = Mapping[str, bool]
-"""By class id, whether it casts shadows in 3D; classes that are missing do not."""
+"""Whether a class casts shadows in 3D, by class id; classes that are missing cast none."""
 
 Look = tuple[RenderingMode, Casting, bool]
-"""What the 3D views are to show, see `Render`: the last one says whether surroundings are wanted."""
+"""What the 3D views show, see `Render`; the last element says whether surroundings are shown."""
 
 CloseUps = tuple[tuple[str, CloseUp], ...]
-"""The close-ups that are asked for, by class id."""
+"""The requested close-ups, with their class ids."""
 
 RENDER_AFTER_S = 0.05
 REFINE_AFTER_S = 0.4
-"""How long the annotations must have been left alone before they are rendered in 3D, and before maps are refined: what runs
-then slows the answer to the next click."""
+"""Time without changes of the annotations before they are rendered in 3D, and before maps are refined: these computations would
+delay the answer to the next click."""
 OVERTAKE_AFTER_S = 0.5
-"""How long the answer to one change of the annotations may take before the next change gives it up: that of many new points at
-once. It is not given up sooner, so that answers come while changes follow each other quickly."""
+"""Time after which a change of the annotations cancels the request for maps of an earlier change, such as one with many new
+points. It is not cancelled sooner, so that maps keep arriving during rapid changes."""
 
 
 class DueRequests:
-    """Decides what is asked, and when; true while something is to be asked, now or later.
+    """Decides which requests are sent, and when. True while a request is due, now or later.
 
-    `PendingRequests` has what was asked, `AnsweredMaps` what has come.
+    `PendingRequests` has the requests that were sent, `AnsweredMaps` the maps that have arrived.
 
     Args:
-        pending: is waited for, or given up for what is more urgent.
-        answers: to what was asked.
+        pending: requests without an answer; given up in favour of more urgent ones.
+        answers: the maps that have arrived.
 
     Attributes:
-        classes: of the last `update`.
-        refinement: how their maps are to be refined; None: they are not.
-        look: of the 3D views; None: they show nothing.
-        maps_due: whether maps of these classes are still to be asked for.
+        classes: classes of the last `update`.
+        refinement: how their maps are refined; None: they are not refined.
+        look: what the 3D views show; None: nothing.
+        maps_due: whether maps of these classes have still to be requested.
     """
 
     def __init__(self, pending: PendingRequests, answers: AnsweredMaps) -> None:
@@ -68,67 +68,72 @@ class DueRequests:
         )
 
     def restart(self) -> None:
-        """Nothing was asked: the volume is another one, or the process."""
+        """Forget all requests, because the volume or the compute process is another one."""
         self.maps_due, self._volumes_due = True, False
         self._refine_due_s: float | None = None
         self._close_ups_due = False
         self._declined: CloseUps = ()
 
     def update(self, classes: Sequence[ClassRequest], refinement: Refinement | None, first: str) -> None:
-        """The annotations have changed. The class with the id `first`, if there is one, is to be answered before the others."""
+        """Note changed annotations; the map of the class with the id `first`, if there is one, comes before the others."""
         self.classes, self.refinement, self._first = tuple(classes), refinement, first
         self.maps_due, self._refine_due_s = True, None
         self._render_from_s = time.monotonic() + RENDER_AFTER_S
 
     def change_look(self, look: Look | None) -> None:
-        """The 3D views are to show something else."""
+        """Note that the 3D views have to show something else."""
         self.look, self._rendering_due_s = look, time.monotonic()
 
     def take(self) -> list[Any]:
-        """The requests that are due by now, to be asked in this order. What must not delay them is given up."""
+        """The requests that are due now, in the order in which to send them. Requests that would delay them are given up."""
         if self.maps_due:
             return self._take_maps()
         # All else waits for what was asked before, so that it does not delay what comes then.
         return [] if self._pending.has_other_than(MeasureMaps) else self._take_after_maps()
 
     def features_came(self) -> None:
-        """There are other features than those that maps were made of: of the volume, or of close-ups."""
+        """Note that there are new features, of the volume or of close-ups: maps have to be computed again."""
         self.maps_due = True
 
     def maps_came(self, request: ComputeMaps, may_look_closer: bool) -> None:
-        """Maps are there. `may_look_closer`: some are of the whole volume for lack of close-ups, and these can be made now."""
+        """Note the arrival of maps.
+
+        Args:
+            request: the request that they answer.
+            may_look_closer: whether close-ups are missing that can be made now; their classes have maps of the whole volume.
+        """
         self._rendering_due_s, self._volumes_due = self._render_from_s, True
         self._close_ups_due = may_look_closer and _close_ups(request.classes) != self._declined
 
     def refined_maps_came(self) -> None:
-        """They are there, and rendered at once."""
+        """Note the arrival of refined maps, which are rendered immediately."""
         self._rendering_due_s = time.monotonic()
 
     def decline(self, request: LookCloser) -> None:
-        """Close-ups could not be made: these are not asked for again by themselves."""
+        """Note that close-ups could not be made, so that they are not requested again automatically."""
         self._declined = _close_ups(request.classes)
 
     @property
     def declines(self) -> bool:
-        """Whether close-ups could not be made that are still wanted as they were then."""
+        """Whether the current close-ups are those that could not be made."""
         return bool(self._declined) and self._declined == _close_ups(self.classes)
 
     def try_close_ups_again(self) -> None:
-        """The user asks again for close-ups that could not be made: what was in the way may be gone."""
+        """Allow close-ups that could not be made to be requested again, at the user's wish."""
         if self._declined:
             self._declined, self.maps_due = (), True
 
     def drops_close_up(self, classes: Sequence[ClassRequest]) -> bool:
-        """Whether a close-up that was asked for by the last `update` is not by these classes."""
+        """Whether the last `update` has a close-up that these classes lack."""
         return not set(_close_ups(self.classes)) <= set(_close_ups(classes))
 
     @property
     def rendering_wanted(self) -> bool:
-        """Whether the 3D views are to be asked for, now or later."""
+        """Whether a rendering of the 3D views is due, now or later."""
         return self._rendering_due_s is not None and self.look is not None and bool(self._answers.maps)
 
     def _take_maps(self) -> list[Any]:
-        # Where no class is left, what was shown of the last one goes at once.
+        # If no class is left, the map of the last one is removed immediately.
         if not self.classes or time.monotonic() >= self._overtaken_from_s:
             self._pending.give_up(ComputeMaps)
         if self._pending.has(ComputeMaps):
@@ -163,7 +168,7 @@ class DueRequests:
         return taken
 
     def _take_rendering(self) -> Render:
-        """Of the maps that are shown now."""
+        """The request to render the maps that are shown now."""
         assert self.look is not None
         self._rendering_due_s = None
         mode, casting, surroundings = self.look

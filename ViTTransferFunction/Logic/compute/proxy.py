@@ -1,6 +1,6 @@
-"""A volume that is segmented in the compute process: how far it is, and what has come of it.
+"""The front end's side of a volume that is segmented in the compute process: its state and its results.
 
-Nothing here waits. `poll`, called often, takes replies in and sends what has become due (`DueRequests`).
+Nothing here blocks. `poll`, called often, receives replies and sends requests that have become due (`DueRequests`).
 """
 
 from __future__ import annotations
@@ -50,33 +50,33 @@ from .requests import (
 
 Phase = Literal["no volume", "no features", "extracting", "ready"]
 Event = Literal["state", "first map", "maps", "volumes", "refined", "rendering", "labels"]
-"""What is new after a `poll`. "state": phase, progress, estimate or an error; "first map": S_L of the class that is waited for;
-"maps": S_L of all classes; "volumes": the size of their segments; "refined": S_H; "rendering": a volume of structures for the
-3D views; "labels": a label map."""
+"""What has changed in a `poll`. "state": phase, progress, estimate or an error; "first map": S_L of the class that is awaited
+first; "maps": S_L of all classes; "volumes": the volumes of their segments; "refined": S_H; "rendering": a volume of structures
+for the 3D views; "labels": a label map."""
 
 _WAITED_FOR = {Extract: "Starting", LookCloser: "Looking closer", SegmentClasses: SEGMENTING}
-"""Requests whose progress is shown, and the words that are shown until the first progress is reported. A refinement after a
-click is not among them: it is quick, and the user does not wait for it."""
+"""Requests whose progress is shown, and the text that is shown until the first report of progress. A refinement after a click
+is not among them, because it is fast and the user does not wait for it."""
 
 
 class SegmentationProxy:
-    """One volume at a time, in a compute process that is started when it is first needed, or earlier by `start`.
+    """Segments one volume at a time in a compute process, which is started when it is first needed, or earlier by `start`.
 
     Args:
         start_client: starts the compute process.
-        may_start: whether the process can work once started; as long as it cannot, it is not started, without an error.
+        may_start: whether the process would be able to compute; while it is not, it is not started, and there is no error.
 
     Attributes:
-        phase: how far the volume is.
+        phase: the state of the volume.
         voxels: digest of the volume's voxels (`Taken`); empty until known.
-        usable: whether maps can be had: once features are ready, or while they still become finer.
-        not_kept: why its features or a close-up's will have to be computed again next time, in words for the user; empty where
-            they will not.
-        estimate: what its features will cost; None until known.
-        progress: of the running work; None where nothing runs that takes long.
-        awaiting_close_ups: ids of the classes whose `low_maps` are of the whole volume until their close-ups are there.
-        rendering: for the 3D views; None until there is one.
-        rendered: ids of the classes in it, in the order of their numbers.
+        usable: whether maps can be computed: when features are complete, or from coarse features while they are refined.
+        not_kept: why its features or a close-up's will have to be computed again next time, as a message to the user; empty if
+            all are kept.
+        estimate: estimated cost of the features; None until known.
+        progress: progress of the running work; None if none runs that takes long.
+        awaiting_close_ups: ids of the classes whose `low_maps` are of the whole volume until their close-ups are made.
+        rendering: the volume of structures for the 3D views; None until there is one.
+        rendered: ids of the classes in `rendering`, in the order of their numbers.
     """
 
     def __init__(self, start_client: Callable[[], ComputeClient], may_start: Callable[[], bool] = lambda: True) -> None:
@@ -120,13 +120,13 @@ class SegmentationProxy:
         self._loads_at_once = True
 
     def start(self) -> None:
-        """Start the compute process, so that it is ready when a volume is opened. Where that fails, `open` tells why."""
+        """Start the compute process, so that it is ready when a volume is opened. If this fails, `open` reports the reason."""
         if self._may_start():
             with suppress(InputError):
                 self._pending.start()
 
     def open(self, volume: TakeVolume | None, settings: SessionSettings) -> None:
-        """Take up a volume, or none. Cached features load at once."""
+        """Open a volume, or none (None). Cached features are loaded immediately."""
         self._pending.give_up(object)
         before, self._volume, self._settings = self._volume, volume, settings
         self._reset()
@@ -134,15 +134,15 @@ class SegmentationProxy:
             self._pending.ask(volume)
             self._pending.ask(Prepare(settings))
         elif before is not None and self._pending.started:
-            # The process stays, ready for the next volume, but must not hold gigabytes of this one until then.
+            # The process is kept for the next volume, but must not hold gigabytes of this one until then.
             self._pending.ask(ReleaseVolume())
 
     def extract(self) -> None:
-        """Begin to compute the features."""
+        """Start computing the features."""
         if self.phase != "no features" or self._volume is None:
             return
         if not self._pending.started or self._refused:
-            # The process was lost, and everything has to be sent again; or what was refused may be there by now.
+            # The process was lost, so that everything has to be sent again; or the cause of a refusal may be gone by now.
             self.open(self._volume, self._settings)
             if not self._pending.started:
                 return
@@ -150,9 +150,9 @@ class SegmentationProxy:
         self._ask(Extract())
 
     def cancel(self) -> None:
-        """Stop what runs: the extraction; or a segmentation, whose labels are dropped even if they are on their way already.
+        """Cancel a segmentation, whose labels are discarded even if they are already on their way; or else the extraction.
 
-        Close-ups stop where the classes of an `update` no longer ask for them.
+        Close-ups are cancelled by an `update` with classes that have no such close-up.
         """
         if self._pending.has(SegmentClasses):
             self._pending.give_up(SegmentClasses)
@@ -161,10 +161,14 @@ class SegmentationProxy:
             self._pending.cancel(Extract)
 
     def update(self, classes: Sequence[ClassRequest], refinement: Refinement | None, first: str = "") -> None:
-        """The annotations have changed: ask for maps of these classes; and for refined ones, where `refinement` says how.
+        """Request maps after a change of the annotations.
 
-        Where they differ in iso values and sizes alone, `maps` follow at once. The class with the id `first`, if there is one,
-        is answered before the others.
+        If only iso values and sizes have changed, `maps` change immediately.
+
+        Args:
+            classes: the classes.
+            refinement: how maps are refined; None: they are not.
+            first: id of the class whose map is wanted before the others, if there is one with this id.
         """
         if self._due.drops_close_up(classes) and self._pending.has(LookCloser):
             self._pending.give_up(LookCloser)
@@ -176,7 +180,7 @@ class SegmentationProxy:
         self._send_due()
 
     def look(self, mode: RenderingMode | None, casting: Casting, surroundings: bool = False) -> None:
-        """Choose what the 3D views are to show; None: nothing. See `Render`; classes that `casting` lacks cast no shadows."""
+        """Choose what the 3D views show (see `Render`); None: nothing. Classes missing from `casting` cast no shadows."""
         look = (mode, casting, surroundings) if mode is not None else None
         if look != self._due.look:
             self._due.change_look(look)
@@ -186,20 +190,20 @@ class SegmentationProxy:
 
     @property
     def failed_close_ups(self) -> tuple[str, ...]:
-        """Ids of the classes that are shown as in the whole volume, because their close-ups could not be made."""
+        """Ids of the classes whose maps are of the whole volume, because their close-ups could not be made."""
         return self.awaiting_close_ups if self._due.declines else ()
 
     def try_close_ups_again(self) -> None:
-        """Ask for close-ups also where these could not be made before."""
+        """Request close-ups again that could not be made before."""
         self._due.try_close_ups_again()
 
     def segment(self, refinement: Refinement) -> None:
-        """Ask for a label map of the classes of the last `update`."""
+        """Request a label map of the classes of the last `update`."""
         self._ask(SegmentClasses(self._due.classes, refinement))
 
     @property
     def maps(self) -> Mapping[str, ClassMap]:
-        """By class id: S_H if there is one, else S_L; see `AnsweredMaps`."""
+        """S_H if there is one, else S_L, by class id; see `AnsweredMaps`."""
         return self._answers.maps
 
     @property
@@ -209,42 +213,42 @@ class SegmentationProxy:
 
     @property
     def low_maps(self) -> Mapping[str, ClassMap]:
-        """By class id: S_L, also where `maps` has S_H."""
+        """S_L by class id, also if `maps` has S_H."""
         return self._answers.low_maps
 
     @property
     def volumes_ml(self) -> Mapping[str, float]:
-        """By class id: the size of the segment that results from `maps`, millilitres; comes a moment after these."""
+        """Volume of the segment that results from `maps`, in millilitres, by class id; available shortly after the maps."""
         return self._answers.volumes_ml
 
     @property
     def looks_closer(self) -> bool:
-        """Whether `progress` is that of close-ups."""
+        """Whether `progress` is the progress of close-ups."""
         return self._pending.has(LookCloser) and not self._pending.has(SegmentClasses)
 
     @property
     def busy(self) -> bool:
-        """Whether anything is under way or due."""
+        """Whether a request is pending or due."""
         return bool(self._pending) or (self.usable and bool(self._due))
 
     @property
     def up_to_date(self) -> bool:
-        """Whether `maps` are those of the last `update`."""
+        """Whether `maps` belong to the last `update`."""
         return not self._due.maps_due and not self._pending.has(ComputeMaps)
 
     @property
     def first_up_to_date(self) -> bool:
-        """The same for the map of the class that is waited for, `first` of the last `update`."""
+        """The same for the map of class `first` of the last `update`."""
         return self.up_to_date or (not self._due.maps_due and self._answers.first_came)
 
     @property
     def awaits_maps(self) -> bool:
-        """Whether the answer to a click is under way."""
+        """Whether maps have been requested and have not arrived."""
         return self._pending.has(ComputeMaps)
 
     @property
     def awaits_views(self) -> bool:
-        """Whether the answer to a click is under way, or what 3D views show of it, unless that has to wait for other work."""
+        """Whether maps or the rendering of the 3D views are on their way, unless the rendering has to wait for other work."""
         rendering_next = self._due.rendering_wanted and not self._pending.has_other_than(MeasureMaps)
         return self.awaits_maps or rendering_next or self._pending.has(Render)
 
@@ -254,17 +258,17 @@ class SegmentationProxy:
         return self._pending.pid
 
     def take_error(self) -> str | None:
-        """What went wrong since the last call, in words for the user."""
+        """The error since the last call, as a message to the user; None if there was none."""
         error, self._error = self._error, None
         return error
 
     def take_labels(self) -> tuple[Labels, list[str]] | None:
-        """The result of `segment` if it has come since the last call: labels, and the ids of the classes 1, 2, … in them."""
+        """The result of `segment` if it has arrived since the last call: labels, and ids of the classes 1, 2, … in them."""
         labels, self._labels = self._labels, None
         return labels
 
     def poll(self) -> set[Event]:
-        """Take in what has come, send what is due, and tell what is new."""
+        """Receive replies, send requests that are due, and return what has changed."""
         events: set[Event] = set()
         if not self._pending.started:
             return events
@@ -283,7 +287,7 @@ class SegmentationProxy:
         self._reset()
 
     def _started(self) -> bool:
-        """Whether there is a process; if not yet, it is started now, where it may be."""
+        """Whether there is a process; if there is none, it is started if that is allowed."""
         if self._may_start():
             try:
                 self._pending.start()
@@ -337,7 +341,7 @@ class SegmentationProxy:
         if isinstance(request, Extract):
             self.phase = "no features"
             if isinstance(reply, Failed) and self.estimate is not None and self.estimate.cached:
-                # The cached features cannot be used after all. Users learn what new ones cost before they ask for them.
+                # The cached features are unusable. Users see the cost of new ones before they compute them.
                 self.estimate, self._loads_at_once = None, False
                 self._pending.ask(Prepare(self._settings))
         elif isinstance(request, LookCloser):
@@ -347,7 +351,7 @@ class SegmentationProxy:
             self.phase, self.progress = "no volume", None
             self._pending.forget()
         elif isinstance(request, Prepare):
-            # It would fail for the same reason, with a message that says less.
+            # The extraction would fail for the same reason, with a less specific message.
             self._pending.give_up(Extract)
             self.phase, self.progress, self._refused = "no features", None, True
         if isinstance(reply, Failed):
@@ -386,7 +390,7 @@ class SegmentationProxy:
         self._answers.take(request, reply, refining=self._due.refinement is not None)
         self.awaiting_close_ups = reply.awaiting_close_ups
         self._due.maps_came(request, may_look_closer=bool(reply.awaiting_close_ups) and self.phase == "ready")
-        # The user may have changed sizes or iso values since these maps were asked for.
+        # The user may have changed sizes or iso values since these maps were requested.
         self._answers.resize(self._due.classes)
         return {"maps"}
 
@@ -406,17 +410,17 @@ class SegmentationProxy:
     def _on_labels(self, request: SegmentClasses, reply: Labels) -> set[Event]:
         self._labels = reply, [annotated.id for annotated in request.classes]
         if self.awaiting_close_ups:
-            # Close-ups that could not be made for the maps were made for the labels: the maps shown are to match these.
+            # Close-ups that could not be made for the maps were made for the labels; the maps shown have to match these.
             self._due.features_came()
         return {"labels"}
 
     def _lost(self) -> None:
-        """The process died, perhaps because memory ran out. Whatever it held can be computed again."""
+        """Handle the death of the process, perhaps for lack of memory. All that it held can be computed again."""
         last = self._pending.last_words()
         self._pending.close()
         self._reset()
         if self._volume is None:
-            return  # It had been started before there was a volume, and nothing is lost.
+            return  # It was started before there was a volume, so nothing is lost.
         again = (
             "Free some space on the disk with the temporary files, then compute the features again."
             if last.startswith(NO_ROOM)

@@ -1,7 +1,7 @@
-"""Whether a set of voxels is still the same, wherever it is stored.
+"""Digests of sets of voxels, to recognise a set that has not changed, however it is stored.
 
-A segment's voxels may be kept in a larger or smaller image, beside other labels, under another label, or be read from a file.
-The digest is of what stays the same then: the voxels in the smallest box that holds them, and where that box lies.
+A segment's voxels may be stored in a larger or smaller image, together with other labels, under another label, or in a file.
+The digest depends only on what is the same in all of these: the voxels within their bounding box, and the position of that box.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from .geometry import Box, Geometry
 from .stepped_work import Steps, slabs
 
 TOLERANCE_VOXELS = 0.01
-"""How far a corner may lie from where it was: more than matrices lose when a file holds them as text, less than any shift."""
+"""Tolerance for corners: more than the rounding of matrices written as text, less than any actual shift."""
 
 LARGEST_USUAL_LABEL = np.iinfo(np.uint16).max
-"""Of ours, and of most others."""
+"""The largest label that this program writes, and most others do."""
 
 
 @dataclass(frozen=True, eq=False)
 class VoxelDigest:
-    """Of a set of voxels.
+    """The digest of a set of voxels.
 
     Attributes:
-        shape: of the smallest box that holds them, (K, J, I); zeros where there are none.
-        hash: of the voxels in that box.
-        corners_ras: of that box, (4, 3) millimetres: the first one, and those at the other ends of its edges along I, J and K.
+        shape: of their bounding box, (K, J, I); zeros if there are no voxels.
+        hash: hash of the voxels within the box.
+        corners_ras: corners of the box, (4, 3) RAS millimetres: the first, and those at the ends of its edges along I, J and K.
     """
 
     shape: tuple[int, int, int]
@@ -40,7 +40,7 @@ class VoxelDigest:
     corners_ras: np.ndarray
 
     def is_like(self, other: VoxelDigest | None) -> bool:
-        """Whether both are of the same voxels at the same place; nothing is like None."""
+        """Whether both are digests of the same voxels at the same position; False if `other` is None."""
         if other is None or self.shape != other.shape or self.hash != other.hash:
             return False
         edges_mm = np.linalg.norm(self.corners_ras[1:] - self.corners_ras[0], axis=1)
@@ -49,16 +49,16 @@ class VoxelDigest:
 
     @classmethod
     def of_nothing(cls) -> VoxelDigest:
-        """Of no voxel at all."""
+        """The digest of an empty set."""
         return cls((0, 0, 0), "", np.zeros((4, 3)))
 
     def to_text(self) -> str:
-        """As text, from which `from_text` makes it again."""
+        """The digest as text, for `from_text`."""
         return json.dumps([self.shape, self.hash, self.corners_ras.tolist()])
 
     @classmethod
     def from_text(cls, text: str) -> VoxelDigest | None:
-        """The digest that a text stands for; None where it is no such text: a scene may come from anywhere."""
+        """The digest from a text of `to_text`; None if the text is invalid, since scenes may contain anything."""
         try:
             shape, hash_, corners = json.loads(text)
             k, j, i = (int(size) for size in shape)
@@ -68,12 +68,12 @@ class VoxelDigest:
 
 
 def voxel_digests(labels: np.ndarray, geometry: Geometry, values: Collection[int]) -> Steps[dict[int, VoxelDigest]]:
-    """Digest the voxels of each of several labels.
+    """Digests of the voxels of several labels; in steps.
 
     Args:
-        labels: (K, J, I), whole numbers of any type.
+        labels: (K, J, I), whole numbers of any dtype, floating point included.
         geometry: of the labels.
-        values: labels, from 1 up; those that no voxel has get the digest of nothing.
+        values: labels, at least 1; labels without voxels get the digest of an empty set.
 
     Returns:
         The digests, by label.
@@ -89,7 +89,7 @@ def voxel_digests(labels: np.ndarray, geometry: Geometry, values: Collection[int
 
 
 def label_boxes(labels: np.ndarray) -> Steps[dict[int, Box]]:
-    """The smallest box that holds each label of a label map (K, J, I), by label; in steps."""
+    """The bounding box of each label in a label map (K, J, I), by label; in steps."""
     boxes: dict[int, Box] = {}
     for slab in slabs(_all(labels)):
         part = labels[slab]
@@ -101,10 +101,10 @@ def label_boxes(labels: np.ndarray) -> Steps[dict[int, Box]]:
 
 
 def _found_in(labels: np.ndarray) -> Iterator[tuple[int, Box]]:
-    """The labels in an array, and the smallest box of each.
+    """Yield the labels in an array and their bounding boxes.
 
-    Segments that scripts write may be of floating point, and atlases have labels of nine digits, for each of which SciPy would
-    take memory, and for those below.
+    Segments written by scripts may be floating point, and atlases have labels of nine digits; SciPy needs memory for all
+    numbers up to the largest label. Such labels are therefore numbered anew.
     """
     if labels.dtype.kind in "iu" and labels.max(initial=0) <= LARGEST_USUAL_LABEL:
         names, numbers = None, labels
@@ -113,7 +113,7 @@ def _found_in(labels: np.ndarray) -> Iterator[tuple[int, Box]]:
         numbers = numbers.reshape(labels.shape) + 1
     for number, found in enumerate(ndimage.find_objects(numbers), start=1):
         value = number if names is None else names[number - 1].item()
-        # No label is a fraction, or no number at all.
+        # Fractions and NaN are not labels.
         if found is not None and value >= 1 and value % 1 == 0:
             yield int(value), found
 
@@ -121,7 +121,7 @@ def _found_in(labels: np.ndarray) -> Iterator[tuple[int, Box]]:
 def _digest(labels: np.ndarray, geometry: Geometry, value: int, box: Box) -> Steps[VoxelDigest]:
     digest = hashlib.blake2b(digest_size=16)
     for slab in slabs(box):
-        # Rows are packed one by one, so that it does not matter where slabs end.
+        # Each row is packed separately, so that the digest does not depend on the slabs.
         digest.update(np.packbits(labels[slab] == value, axis=-1).tobytes())
         yield 0
     part = geometry.part(box)
