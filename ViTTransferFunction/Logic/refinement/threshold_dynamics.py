@@ -1,14 +1,15 @@
-"""Threshold dynamics: a surface moves to where it is smooth and the image has an edge.
+"""Threshold dynamics: moves a surface to where it is smooth and the image has an edge.
 
-Diffusing a mask and taking one half of it as its new surface shrinks the surface's area (Merriman, Bence, Osher, 1992); with a
-term for what the image says of each voxel, regions of different intensities compete for voxels at the same time (Zhu, Yuille,
-1996; Esedoğlu, Tsai, 2006). Here a voxel x is inside if the odds of its neighbourhood and of its own intensity say so:
+Diffusing a mask and thresholding it at ½ reduces the area of its surface (Merriman, Bence, Osher, 1992). With an additional
+image term for each voxel, regions of different intensities compete for voxels at the same time (Zhu, Yuille, 1996; Esedoğlu,
+Tsai, 2006). Here a voxel x is inside if the product of the odds by its neighbourhood and by its own intensity is at least 1:
 
     m'(x) = [ g / (1 − g) · (1 − ℓ) / ℓ · (p(u_x | inside) / p(u_x | outside))^β ≥ 1 ],    g = (G * m)(x),
 
-with G a Gaussian of one voxel and ℓ = ½. With that alone, what is a few voxels thick vanishes; for it, ℓ is the level of G * m
-that keeps the volume (Ruuth, Wetton, 2003). In a noisy scan the two densities overlap, and the neighbourhood decides; where
-they are apart, as in the folds of a brain, each voxel does.
+where G is a Gaussian with a standard deviation of one voxel, and ℓ = ½. This alone would make structures vanish that are only a
+few voxels thick. For these, ℓ is the level of G * m that preserves the volume (Ruuth, Wetton, 2003). In a noisy scan the two
+densities overlap, and the neighbourhood decides; if they are well separated, as in the folds of a brain, each voxel's own
+intensity does.
 """
 
 from __future__ import annotations
@@ -36,27 +37,28 @@ if TYPE_CHECKING:
 
 STEPS = 6
 TEMPER = 0.6
-"""β: neighbouring voxels are no independent witnesses."""
+"""β: below 1, because the intensities of neighbouring voxels are not independent evidence."""
 THIN, COMPACT = 0.4, 0.45
-"""Up to which level that keeps the volume ℓ is that level, and from which on it is ½; between them, ℓ is between."""
+"""ℓ is the level that preserves the volume if that is at most `THIN`, and ½ from `COMPACT` on; in between, it is
+interpolated."""
 _BINS_SIGMA = 3.0
-"""Standard deviation by which histograms are smoothed, in bins."""
+"""Standard deviation of the smoothing of histograms, in bins."""
 _SMALLEST_SHARE = 0.064
-"""Of voxels, spread over all bins."""
+"""Share of voxels that is distributed evenly over all bins, so that no density is 0."""
 _UNKNOWN = BINS
-"""Bin of voxels that are not finite: of those, the neighbourhood alone decides."""
+"""Bin of voxels that are not finite; for these, the neighbourhood alone decides."""
 _VOXELS_HELD = 2**23
-"""Steps are made in so many at once, for which nine bytes each are held."""
+"""Number of voxels that are processed at once, at nine bytes each."""
 
 
 @dataclass(frozen=True)
 class Mark:
-    """What is known of a place: its voxel is inside, or is not, and so is what joins it there.
+    """A place of which it is known whether it is inside: its voxel, and what is connected to it nearby.
 
     Attributes:
         centre: (k, j, i), in voxels.
-        radii: how far it is known, along (K, J, I), in voxels.
-        inside: what is known.
+        radii: semi-axes of the ellipsoid in which it applies, along (K, J, I), in voxels.
+        inside: whether the place is inside.
     """
 
     centre: tuple[float, float, float]
@@ -64,12 +66,12 @@ class Mark:
     inside: bool
 
     def in_layers(self, layers: slice) -> Mark:
-        """The same in a part of the volume, some layers along K."""
+        """The same mark in the coordinates of a part of the volume, some layers along K."""
         k, j, i = self.centre
         return replace(self, centre=(k - layers.start, j, i))
 
     def voxel_of(self, shape: tuple[int, ...]) -> Box:
-        """The box of a volume of `shape` (K, J, I) that is the voxel with the centre in it; empty where there is none."""
+        """The box of the one voxel that contains the centre, in a volume of `shape` (K, J, I); empty if it lies outside."""
         k, j, i = (
             slice(min(max(at, 0), n), min(max(at + 1, 0), n))
             for at, n in zip((math.floor(x + 0.5) for x in self.centre), shape, strict=True)
@@ -77,7 +79,7 @@ class Mark:
         return k, j, i
 
     def known_of(self, shape: tuple[int, ...]) -> tuple[Box, np.ndarray]:
-        """A box of a volume of `shape` (K, J, I), and which of its voxels are known, bool of the box's shape."""
+        """The ellipsoid in a volume of `shape` (K, J, I): its bounding box, and whether each voxel of it is inside, bool."""
         k, j, i = (
             slice(*(min(max(end, 0), n) for end in (math.ceil(at - radius), math.floor(at + radius) + 1)))
             for at, radius, n in zip(self.centre, self.radii, shape, strict=True)
@@ -94,18 +96,18 @@ def settled(
     marks: Sequence[Mark] = (),
     between: Between = nothing_between,
 ) -> Iterator[np.ndarray]:
-    """A mask after `STEPS` steps, some layers after the other, so that little but the mask is held at once.
+    """The mask after `STEPS` steps, computed and yielded in stacks of layers to save memory.
 
     Args:
-        mask: (K, J, I) bool, with a margin where there is one; beyond its faces it goes on as it is there. The densities inside
-            are those of its voxels, outside those of the others. It must stay as it is meanwhile.
-        intensities: (K, J, I), any real dtype; a voxel that is not finite goes by its neighbourhood.
-        window: in which the structure's edges show.
-        marks: places of which it is known whether they are inside.
+        mask: (K, J, I) bool, with a margin if the volume has one; beyond the faces, the outermost voxels are repeated. Its
+            voxels define the density inside, all others the density outside. It must not change meanwhile.
+        intensities: (K, J, I), any real dtype; for voxels that are not finite, the neighbourhood alone decides.
+        window: intensity window in which the edges of the structure are visible.
+        marks: places that are known to be inside or outside.
         between: called between short steps; may raise `Cancelled`.
 
     Yields:
-        The mask in some layers after the other along K, (layers, J, I) bool.
+        Consecutive stacks of layers of the mask along K, (layers, J, I) bool.
     """
     import torch
 
@@ -114,7 +116,7 @@ def settled(
     before = tensor_of(np.ascontiguousarray(mask)).view(torch.uint8)
     in_turn = parts(mask.shape, _VOXELS_HELD, STEPS * REACH)
     with Workers(torch.device("cpu"), mask.size, between) as workers:
-        # Most masks are one part, whose sums are found once for the level and the steps.
+        # Most masks have one part, whose sums are needed twice: for the level, and for the steps.
         sums_of = lru_cache(maxsize=1)(lambda n: neighbourhood_sums(before[in_turn[n].around], workers))
         level = _level(int(mask.sum()), lambda: (sums_of(n)[part.within] for n, part in enumerate(in_turn)))
         bins = _bins(intensities, window, workers)
@@ -127,7 +129,17 @@ def settled(
 
 
 def _after_steps(mask: Tensor, sums: Tensor, least: np.ndarray, workers: Workers) -> Tensor:
-    """A mask (K, J, I) uint8 after all steps. Its G * m times `WHOLE` before them, `sums`, are changed."""
+    """The mask after all steps, or once it does not change any more.
+
+    Args:
+        mask: (K, J, I) uint8.
+        sums: its G * m times `WHOLE`; may be changed in place.
+        least: the sum that each voxel needs to be inside, (K, J, I).
+        workers: share the work.
+
+    Returns:
+        (K, J, I) uint8.
+    """
     import torch
 
     changed = np.empty(0, dtype=np.int64)
@@ -148,7 +160,7 @@ def _bins(intensities: np.ndarray, window: IntensityWindow, workers: Workers) ->
     bins = np.empty(intensities.shape, dtype=np.uint8)
     known = None
     if intensities.dtype in (np.int16, np.uint16, np.int8, np.uint8):
-        # Looked up, several times as fast as computed; negative ones count from the table's end, as indices do.
+        # A lookup table is several times as fast. Negative intensities index it from its end.
         values = np.arange(2 ** (8 * intensities.dtype.itemsize), dtype=np.int64).astype(intensities.dtype)
         known = _known_bins_of(values, window)
 
@@ -169,7 +181,7 @@ def _known_bins_of(intensities: np.ndarray, window: IntensityWindow) -> np.ndarr
 
 
 def _level(voxels: int, sums_in_turn: Callable[[], Iterable[Tensor]]) -> float:
-    """ℓ of a mask of so many voxels, in (0, ½], from its G * m times `WHOLE`, of some layers after the other."""
+    """ℓ of a mask with this number of voxels, in (0, ½], from its G * m times `WHOLE` in stacks of layers."""
     least = math.ceil(COMPACT * WHOLE)
     compact = sum(int(np.count_nonzero(array_of(sums) >= least)) for sums in sums_in_turn())
     if compact >= voxels:
@@ -177,17 +189,17 @@ def _level(voxels: int, sums_in_turn: Callable[[], Iterable[Tensor]]) -> float:
     counts = np.zeros(WHOLE + 1, dtype=np.int64)
     for sums in sums_in_turn():
         counts += np.bincount(array_of(sums[sums > 0]), minlength=WHOLE + 1)
-    # Above 0, since each of the mask's voxels has a weight in its own sum.
+    # Above 0, since each voxel of the mask contributes to its own sum.
     keeps_volume = (np.count_nonzero(counts[::-1].cumsum()[::-1] >= voxels) - 1) / WHOLE
     return float(np.interp(keeps_volume, [0.0, THIN, COMPACT], [0.0, THIN, 0.5]))
 
 
 def _least_sums(bins: np.ndarray, learned_from: np.ndarray, level: float) -> np.ndarray:
-    """The least sum of G's weights on m that a voxel of each bin needs to be inside, (bins,) int16 from 1 to `WHOLE`.
+    """The sum G * m times `WHOLE` that a voxel of each bin needs to be inside, (bins,) int16 from 1 to `WHOLE`.
 
-    It is where the odds are even: (G * m)(x) = 1 / (1 + (1 − ℓ) / ℓ · ratio^β).
+    At this sum the odds are even: (G * m)(x) = 1 / (1 + (1 − ℓ) / ℓ · ratio^β).
     """
-    # Both histograms by one count: bins of what is inside come after those of the rest.
+    # One count for both histograms: the bins of voxels inside follow those of voxels outside.
     counts = np.zeros(2 * (BINS + 1))
     for plane, of_plane in zip(bins, learned_from, strict=True):
         counts += np.bincount((plane + of_plane.view(np.uint8) * np.uint8(BINS + 1)).ravel(), minlength=len(counts))
@@ -200,9 +212,9 @@ def _least_sums(bins: np.ndarray, learned_from: np.ndarray, level: float) -> np.
 
 
 def _set_marks(least: np.ndarray, marks: Sequence[Mark]) -> None:
-    """Change the sums (K, J, I) that voxels need as marks say.
+    """Set the sums (K, J, I) that voxels need at marks.
 
-    Around a mark, one neighbour on its side is enough, and its own voxel needs none: what is known spreads from there.
+    Within a mark, one neighbour on its side is enough, and the voxel at its centre needs none, so that it spreads from there.
     """
     for mark in marks:
         box, known = mark.known_of(least.shape)

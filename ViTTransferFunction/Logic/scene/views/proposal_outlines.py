@@ -1,7 +1,7 @@
-"""What the selected class might be instead: faint outlines of its smaller and larger proposals over the slices.
+"""Faint outlines, in the slice views, of the smaller and larger proposals for the selected class.
 
-They are made of S_L, since S_H is known near the surface alone that is shown; and as segments are made: without what other
-classes claim, and without parts that hold no point. What a step leads to is refined, and so differs a little.
+They are computed from S_L, because S_H is only known near the surface that is shown. As in segments, voxels that other classes
+claim and components without a point are left out. The result after a change of size is refined, and thus differs slightly.
 """
 
 from __future__ import annotations
@@ -21,29 +21,30 @@ if TYPE_CHECKING:
     import slicer
 
 SIZES = (0.0, -1.0, 1.0)
-"""Of the proposals: the chosen one, the smaller and the larger one."""
+"""Sizes of the proposals: the chosen, the smaller and the larger one."""
 LEAST_DIFFERENCE = 0.1
-"""Share of a volume by which another has to differ to be worth an outline: less looks like the same line drawn twice."""
+"""Least relative difference in volume for a separate outline: with less, it would look like the same line drawn twice."""
 MOST_AMBIGUOUS_POINTS = 2
-"""Of a class. More say how large it is: another size is hardly worth anything (docs/RESULTS.md), and its outlines confuse."""
+"""Classes with more points have outlines only while another size than 0 is chosen. Their size is well known: another
+one hardly helps (docs/RESULTS.md), and its outlines would confuse."""
 JUST_BELOW = 0.98
-"""Share of the iso value that a map has at most where the class does not get what it claims."""
+"""Factor of the iso value to which a map is limited in voxels that the class does not get."""
 
 STYLE = OutlineStyle("Similarity proposals", line_pixels=1, opacity=0.6)
-"""Thinner and fainter than what is shown as the structure."""
+"""Thinner and fainter than the outline of the structure."""
 
 
 @dataclass(frozen=True, eq=False)
 class Proposals:
-    """A class with other proposals than the one that is shown.
+    """A class whose proposals are outlined.
 
     Attributes:
-        class_id: of the class.
-        color: of the class.
-        map: S_L of the class with the iso value that is shown, and with proposals.
-        others: S_L of all other classes with theirs.
-        points_ras: (N, 3), on the structure, in the maps' frame.
-        only_annotated_components: whether parts that hold none of the points are dropped.
+        class_id: id of the class.
+        color: colour of the class.
+        map: S_L of the class, with its proposals and the iso value that is shown.
+        others: S_L of all other classes, with their iso values.
+        points_ras: positive points, (N, 3) RAS millimetres, in the coordinate frame of the maps.
+        only_annotated_components: whether components without any of the points are left out.
     """
 
     class_id: str
@@ -58,7 +59,7 @@ class Proposals:
         return self.is_of_map_of(other) and other is not None and self.map.iso == other.map.iso
 
     def is_of_map_of(self, other: Proposals | None) -> bool:
-        """Whether the outlines of both are the same but for which of them is shown, as by another size."""
+        """Whether both differ at most in the iso value that is shown, as after a change of size."""
         if other is None or len(self.others) != len(other.others):
             return False
         mine, theirs = (
@@ -70,10 +71,10 @@ class Proposals:
 
 
 class ProposalOutlines:
-    """Shows the outlines of one class's proposals in all slice views, a little later by `advance`.
+    """Shows the outlines of one class's proposals in all slice views; they are computed in steps by `advance`.
 
     Args:
-        scene: where the volumes are.
+        scene: the scene.
     """
 
     def __init__(self, scene: slicer.vtkMRMLScene) -> None:
@@ -86,7 +87,7 @@ class ProposalOutlines:
         self._work: tuple[Proposals, SteppedWork[Surface]] | None = None
 
     def show(self, volume: slicer.vtkMRMLScalarVolumeNode, proposals: Proposals | None) -> None:
-        """Show these, or others instead, from the next calls of `advance` on; None: nothing."""
+        """Show these proposals, from one of the next calls of `advance` on; None: nothing."""
         if proposals is None:
             self.hide()
             return
@@ -101,23 +102,23 @@ class ProposalOutlines:
             if not proposals.is_of_map_of(self._wanted):
                 self._made, self._work = Made(), None
             self._wanted = proposals
-            # What is under way for another size is not begun anew at every notch of the wheel: most of it is of use.
+            # Work for another size is not restarted at each wheel event, because most of it can be reused.
             self._work = self._work or self._begun(proposals)
 
     @property
     def pending(self) -> bool:
-        """Whether there is something still to be shown."""
+        """Whether `advance` has something to do."""
         return self._work is not None
 
     def advance(self) -> None:
-        """Go on to make the outlines, and show them when they are ready."""
+        """Continue to compute the outlines, and show them when they are complete."""
         while self._work is not None and self._wanted is not None and self._work[1].advance():
             proposals, work = self._work
             if proposals is self._wanted:
                 self._work = None
                 self._draw(proposals, work.result or [])
             else:
-                # All surfaces are there by now: which of them to show is found at once, before the next notch.
+                # All surfaces exist by now, so it takes only a moment to choose those to show.
                 self._work = self._begun(self._wanted)
 
     def _begun(self, proposals: Proposals) -> tuple[Proposals, SteppedWork[Surface]]:
@@ -133,19 +134,19 @@ class ProposalOutlines:
         self._volume = self._wanted = self._shown = self._made = self._work = None
 
     def remove(self) -> None:
-        """Take all that was made out of the scene."""
+        """Remove all nodes that were added to the scene."""
         self.hide()
         self._contours.remove()
 
 
 @dataclass
 class Made:
-    """What was made of a map's proposals, whichever is shown.
+    """Intermediate results for a map's proposals, which do not depend on the one that is shown.
 
     Attributes:
-        claimed: by which factor the other classes exceed their iso values at most, (K', J', I'); None until known.
-        volumes: by iso value, how many cells the class gets.
-        surfaces: by iso value, their surface.
+        claimed: the largest ratio of another class's map to its iso value, (K', J', I'); None until computed.
+        volumes: number of cells that the class gets, by iso value.
+        surfaces: the surface of these cells, by iso value.
     """
 
     claimed: np.ndarray | None = None
@@ -157,8 +158,8 @@ def outlines(proposals: Proposals, made: Made | None = None) -> Steps[Surface]:
     """The surfaces of all proposals that are distinct from what is shown and from each other; in steps.
 
     Args:
-        proposals: of a class.
-        made: of the same map before, to which is added what is made now.
+        proposals: the proposals of a class.
+        made: earlier intermediate results for the same map; new ones are added.
     """
     made = made or Made()
     surface: Surface = []
@@ -182,7 +183,7 @@ def outlines(proposals: Proposals, made: Made | None = None) -> Steps[Surface]:
 
 
 def _claimed(others: tuple[ClassMap, ...], shape: tuple[int, ...]) -> np.ndarray:
-    """By which factor the other classes exceed their iso values at most, (K', J', I')."""
+    """The largest ratio of another class's map to its iso value, (K', J', I') float32."""
     most = np.zeros(shape, dtype=np.float32)
     for other in others:
         np.maximum(most, over_iso(other.array, other.iso), out=most)
@@ -190,7 +191,7 @@ def _claimed(others: tuple[ClassMap, ...], shape: tuple[int, ...]) -> np.ndarray
 
 
 def _inside(proposals: Proposals, iso: float, claimed: np.ndarray) -> np.ndarray:
-    """(K', J', I') uint16: 1 in the cells that the class gets at an iso value."""
+    """The cells that the class gets at an iso value, (K', J', I') uint16, 1 or 0."""
     array = proposals.map.array
     inside = ((array >= iso) & (over_iso(array, iso) > claimed)).astype(np.uint16)
     if proposals.only_annotated_components:
