@@ -1,6 +1,7 @@
-"""Classes of the scene as annotation files have them, and back: files speak of a volume as it lies in its own file.
+"""Converts between classes of the scene and those of annotation files.
 
-That is the volume's local frame. A transform that the volume is under in the scene moves its points there and back.
+Files use the volume's local coordinate frame, as in its own file. In the scene, points are in world coordinates, to which the
+volume may have a transform.
 """
 
 from __future__ import annotations
@@ -21,27 +22,27 @@ from .class_requests import ClassRequests
 from .class_state import ClassState, changed, is_named_by_user, name_beside, new_class_state
 
 SAME_PLACE_MM = 1e-3
-"""A transform there and back changes the digits behind."""
+"""Points that are closer than this are the same: transforming them there and back causes rounding errors."""
 SAME_COLOR = 0.01
-"""Of each channel: what nobody sees."""
+"""Colours are the same if no channel differs by more than this, which is invisible."""
 
 
 def annotated_classes(states: Sequence[ClassState], asked: ClassRequests, geometry: Geometry) -> list[AnnotatedClass]:
-    """What is asked about classes, so that it can be asked again elsewhere and gives the same.
+    """Classes for an annotation file, such that their requests, made elsewhere, give the same maps.
 
     Args:
         states: the classes.
-        asked: what is asked about them. What is not is left out: classes without a point in the volume, and points beyond it.
+        asked: the requests for their maps. These lack classes without a point in the volume, and points outside it.
         geometry: of the volume, in its local frame.
 
     Raises:
-        InputError: nothing is asked, or two classes have one name.
+        InputError: there are no requests, or two classes have the same name.
     """
     annotated = []
     for state in states:
         request = asked.of(state.id)
         if request is not None:
-            # The box in use: of one that a point enlarged, and that holds none any more, `vittf` would think it a mistake.
+            # Enlarged as points outside it require: the original may contain no point, which `vittf` would report as a mistake.
             box = request.close_up and request.close_up.enlarged(geometry, request.positive)
             named = replace(request, id=request.name, close_up=box)
             annotated.append(AnnotatedClass(named, state.color, state.look.opacity))
@@ -52,19 +53,19 @@ def annotated_classes(states: Sequence[ClassState], asked: ClassRequests, geomet
 def class_states(
     annotated: Sequence[AnnotatedClass], existing: Sequence[ClassState], volume_node: Any, geometry: Geometry
 ) -> list[ClassState]:
-    """Classes that ask what annotated ones do, as they are to be added to a scene; of boxes only those that are there.
+    """Classes of an annotation file, to be added to a scene.
 
-    Those that are in the scene already are left out: the file was loaded twice (`new_among`).
+    Classes that the scene has already are left out, in case the file is loaded twice (`new_among`).
 
     Args:
-        annotated: in the volume's local frame.
-        existing: the classes that are in the scene.
-        volume_node: which volume.
+        annotated: the classes of the file, in the volume's local frame.
+        existing: the classes of the scene.
+        volume_node: the volume.
         geometry: of its voxels, in its local frame.
 
     Raises:
-        InputError: there are none, none that is not there already, two have one name, or a point lies outside the volume, which
-            is under a linear transform at most.
+        InputError: there are no classes, the scene has all of them already, two have the same name, a point lies outside the
+            volume, or the volume is under a transform that is not linear.
     """
     check_requests([each.request for each in annotated], geometry)
     to_world = matrix_to_world(volume_node)
@@ -75,10 +76,10 @@ def class_states(
 
 
 def new_among(states: Sequence[ClassState], existing: Sequence[ClassState]) -> list[ClassState]:
-    """Those of some classes that are not there already, with the same points and settings, as they are to be added.
+    """The new ones among some classes, to be added; a class with the same points and settings as an existing one is not new.
 
-    Where another class has the name, a number follows; where one has the colour, it is another one. Neither is then of those
-    that come with it.
+    A number is appended to names that are taken, and colours that are taken are replaced. The new names and colours differ from
+    those of all other classes, those that are added with them included.
     """
     new: list[ClassState] = []
     for state in states:
@@ -98,16 +99,16 @@ def restored_states(
     volume_node: Any,
     geometry: Geometry,
 ) -> list[ClassState]:
-    """All classes that a scene is to have once annotated ones are back.
+    """All classes of a scene after the classes of an annotation file are restored.
 
-    Where those were made out of the ones that it was opened with, they take their place. What has been changed or added since
-    stays beside them. Where a name is still the same, so are the id, which segments go by, and what files do not say of a
-    class.
+    If these were made from the classes with which the scene was opened, they replace them. Classes that have been changed or
+    added since are kept beside them. A class that replaces one of the same name keeps its id, to which segments refer, and
+    everything that files do not contain.
 
     Args:
         annotated: see `class_states`.
         existing: the classes that are in the scene.
-        opened: those that it was opened with.
+        opened: the classes with which it was opened.
         volume_node: see `class_states`.
         geometry: see there.
 
@@ -117,7 +118,7 @@ def restored_states(
     names = {each.name for each in annotated}
     to_world = matrix_to_world(volume_node)
     is_made_of_them = _have_something_in_common([_class_state(each, to_world) for each in annotated], opened)
-    # Files have no classes without points.
+    # Classes without points are not in files.
     replaced = [state for state in opened if state in existing and (state.positive or state.name in names)]
     former = {state.name: state for state in replaced} if is_made_of_them else {}
     staying = [state for state in existing if state not in former.values()]
@@ -128,7 +129,7 @@ def restored_states(
 def _have_something_in_common(states: Sequence[ClassState], others: Sequence[ClassState]) -> bool:
     """Whether some classes share a point, or a name that a user gave, with the others.
 
-    If not, they were begun on the scan without those. That both have a "Structure 1" says nothing.
+    If not, they were begun independently of each other. Default names such as "Structure 1" do not count.
     """
     ones, opposed = (
         np.array([point for state in each for point in (*state.positive, *state.negative)]).reshape(-1, 3)
@@ -161,7 +162,7 @@ def _class_state(annotated: AnnotatedClass, to_world: np.ndarray) -> ClassState:
 
 
 def _are_alike(state: ClassState, other: ClassState) -> bool:
-    """Whether the same is asked for two classes, whatever they are called and look like."""
+    """Whether two classes have the same points and settings, whatever their names and looks."""
     settings = all(getattr(state, name) == getattr(other, name) for name in ("iso", "size", "proximity", "refine"))
     places = ((each.positive, each.negative, each.close_up or ()) for each in (state, other))
     return settings and all(
@@ -171,5 +172,5 @@ def _are_alike(state: ClassState, other: ClassState) -> bool:
 
 
 def _points(points_ras: np.ndarray, to_world: np.ndarray) -> tuple[Point, ...]:
-    """Points (N, 3) of a local frame, in the scene's."""
+    """Points (N, 3) transformed from the local frame to world coordinates."""
     return tuple((x, y, z) for x, y, z in transform_points(to_world, points_ras).tolist())

@@ -1,4 +1,4 @@
-"""A class's settings as attributes of its list of positive points, which are text: what a saved scene holds of them."""
+"""Stores a class's settings as attributes (text) of its list of positive points, which are saved with the scene."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ from ...rendering.appearance import STYLES, Appearance
 from .class_state import ClassState, CloseUpBox
 
 _SETTINGS = ("iso", "size", "proximity", "refine", "visible")
-"""The fields of `ClassState` that are written as they are."""
+"""Fields of `ClassState` that are stored by their own name and value."""
 _LOOK = tuple(each.name for each in fields(Appearance) if each.name != "color")
-"""Those of its `Appearance`; the colour is the list's own."""
+"""Fields of its `Appearance`; the colour is that of the list."""
 _ANY = (-math.inf, math.inf)
 _RANGES = {"size": (SMALLEST_SIZE, LARGEST_SIZE), "low": _ANY, "high": _ANY}
-"""Of numbers among them that are no shares in [0, 1]."""
+"""Ranges of the numbers among these fields; by default [0, 1]."""
 
 
 def attribute(node: slicer.vtkMRMLNode, name: str) -> str | None:
-    """An attribute that is ours; None where the node has none of this name."""
+    """The value of one of this extension's attributes; None if the node does not have it."""
     text: str | None = node.GetAttribute(f"ViTTransferFunction.{name}")
     return text
 
 
 def set_attribute(node: slicer.vtkMRMLNode, name: str, text: str | None) -> None:
-    """Give a node an attribute of ours; None: take it away."""
+    """Set one of this extension's attributes; None: remove it."""
     node.SetAttribute(f"ViTTransferFunction.{name}", text)
 
 
 def read_look(positive: slicer.vtkMRMLMarkupsFiducialNode, color: Color) -> Appearance:
-    """How a class of this colour looks; what the attributes do not say, or garbled, is as by default."""
+    """The appearance of a class with this colour; defaults replace missing or invalid attributes."""
     return Appearance(color, **_read_fields(positive, Appearance, _LOOK))
 
 
 def read_settings(positive: slicer.vtkMRMLMarkupsFiducialNode) -> dict[str, Any]:
-    """A class's other settings, as fields of `ClassState`; what the attributes do not say, or garbled, is as by default."""
+    """A class's other settings, as fields of `ClassState`; defaults replace missing or invalid attributes."""
     return {
         **_read_fields(positive, ClassState, _SETTINGS),
         "close_up": _read_close_up(positive),
@@ -51,7 +51,7 @@ def read_settings(positive: slicer.vtkMRMLMarkupsFiducialNode) -> dict[str, Any]
 
 
 def write_settings(positive: slicer.vtkMRMLMarkupsFiducialNode, state: ClassState) -> None:
-    """Bring the attributes to a class's settings and look; what is equal is not touched."""
+    """Write a class's settings and look to the attributes; only those that differ are changed."""
     for holder, names in ((state, _SETTINGS), (state.look, _LOOK)):
         present = _read_fields(positive, type(holder), names)
         for name, value in ((name, getattr(holder, name)) for name in names):
@@ -65,7 +65,7 @@ def write_settings(positive: slicer.vtkMRMLMarkupsFiducialNode, state: ClassStat
 
 
 def _read_fields(positive: slicer.vtkMRMLMarkupsFiducialNode, kind: type, names: Sequence[str]) -> dict[str, Any]:
-    """Fields of a dataclass as attributes of the list say; what they do not, or garbled, as the class has by default."""
+    """Fields of a dataclass from attributes of the list; its defaults replace missing or invalid ones."""
     values: dict[str, Any] = {}
     for name in names:
         default = getattr(kind, name)
@@ -81,7 +81,7 @@ def _read_fields(positive: slicer.vtkMRMLMarkupsFiducialNode, kind: type, names:
 
 
 def _read_close_up(positive: slicer.vtkMRMLMarkupsFiducialNode) -> CloseUpBox | None:
-    """A class's close-up; None where the list has none, or a garbled one."""
+    """A class's close-up; None if the list has none, or an invalid one."""
     words = (attribute(positive, "closeUp") or "").split()
     try:
         r, a, s, *size = (float(word) for word in words)
@@ -92,7 +92,7 @@ def _read_close_up(positive: slicer.vtkMRMLMarkupsFiducialNode) -> CloseUpBox | 
 
 
 def _number(text: str, between: tuple[float, float], default: float | None) -> float | None:
-    """A number in a range; the default where the text is no such number: a scene may come from anywhere."""
+    """The number in a text; the default if it is not a finite number in the range, since scenes may contain anything."""
     try:
         number = float(text)
     except ValueError:

@@ -1,6 +1,6 @@
-"""The module's settings, typed, as a parameter node of the scene keeps them.
+"""Typed access to the module's settings, which are stored in a parameter node of the scene.
 
-The node holds text, written as Slicer's `parameterNodeWrapper` writes it, so that a panel may bind its widgets to the same
+The node stores text in the format of Slicer's `parameterNodeWrapper`, so that a panel can connect its widgets to the same
 values.
 """
 
@@ -25,37 +25,36 @@ REFERENCES = {
     "renderingBox": "vtkMRMLMarkupsROINode",
     "renderingPlane": "vtkMRMLMarkupsPlaneNode",
 }
-"""Of which class the nodes are that the parameter node refers to, by role."""
+"""Class of the nodes that the parameter node refers to, by role."""
 
 
 class SceneParameters:
     """Reads and writes a parameter node.
 
     Args:
-        node: which one. What it lacks is filled in with defaults, so that whoever reads it finds everything.
+        node: the parameter node. Missing parameters are added with their defaults, so that every reader finds all of them.
 
-    The parameters, by the names that they have in the node:
+    The parameters, by their names in the node:
         volume, segmentation: references to the volume to segment, and to the segmentation that gets the segments.
         preset: one of `PRESETS`.
-        model: one of `PRETRAINED_MODELS`; empty: the one that the scene's structures were made with, the one of `weightsPath`,
-            or the preset's.
-        usedModel: with which features were got last; empty: none were yet.
+        model: one of `PRETRAINED_MODELS`; empty: the model of the scene's structures, of `weightsPath`, or of the preset.
+        usedModel: the model of the last features; empty: there were none.
         weightsPath: file or folder of weights; empty: the cache or a download.
-        grid: feature cells along the longest edge; 0: the preset's.
+        grid: feature cells along the longest edge; 0: as in the preset.
         device: one of `DEVICE_NAMES`.
-        windowAutomatic, windowLow, windowHigh: intensities that the network sees.
+        windowAutomatic, windowLow, windowHigh: the intensity window for the network, and whether it is chosen automatically.
         refinement: one of `REFINEMENT_METHODS`.
-        onlyAnnotatedParts: drop the parts of a segment that no positive point lies in.
-        respectOtherSegments: leave voxels to the segments that have them already.
-        otherSegmentsAreOutside: while clicking, count the visible segments of others as what structures are not.
-        overlayVisible, overlayOpacity: of the selected class's similarity in the slice views.
-        proposalsVisible: whether slice views outline faintly what else the selected class may be.
+        onlyAnnotatedParts: whether components of a segment without a positive point are left out.
+        respectOtherSegments: whether voxels that belong to other segments are left to these.
+        otherSegmentsAreOutside: whether visible segments that were not made here count as outside of all structures.
+        overlayVisible, overlayOpacity: of the overlay of the selected class's similarity in slice views.
+        proposalsVisible: whether slice views show faint outlines of other proposals for the selected class.
         rendering: what the 3D views show ("off", "similarity" or "transfer function").
         renderingSolo: whether 3D views show the selected class alone.
-        context: what 3D views show around the structures ("off", or one of `SessionViews.context_names`).
-        contextStrength: how dense that is, in [0, 1].
-        contextCutAway: whether it gives way where it would hide a structure.
-        renderingCut: what 3D views are cut by ("off", "box" or "plane": `rendering_box`, `rendering_plane`).
+        context: the surroundings that 3D views show ("off", or one of `SessionViews.context_names`).
+        contextStrength: density of the surroundings, in [0, 1].
+        contextCutAway: whether surroundings are removed where they would hide a structure.
+        renderingCut: how 3D views are cropped ("off", "box" or "plane": `rendering_box`, `rendering_plane`).
         selectedClass: id of the class that is annotated.
     """
 
@@ -92,10 +91,10 @@ class SceneParameters:
                 node.SetParameter(name, str(default))
 
     def get(self, name: str) -> Any:
-        """The value of a parameter, of its default's type; the default where the node's text should be a number and is none."""
+        """The value of a parameter, of its default's type; the default if the node's text should be a number and is not."""
         default = self.DEFAULTS[name]
         if not self.node.HasParameter(name):
-            return default  # Closing a scene empties the node.
+            return default  # Closing a scene removes all parameters.
         text = self.node.GetParameter(name)
         if isinstance(default, bool):
             return text == "True"
@@ -110,14 +109,14 @@ class SceneParameters:
 
     @property
     def window(self) -> tuple[float, float]:
-        """The intensities that the network sees, low and high; while they are chosen automatically, those that views show."""
+        """The intensity window for the network, low and high; if it is chosen automatically, the window of the views."""
         display = self.volume.GetScalarVolumeDisplayNode() if self.volume else None
         if self.get("windowAutomatic") and display is not None:
             return display.GetWindowLevelMin(), display.GetWindowLevelMax()
         return self.get("windowLow"), self.get("windowHigh")
 
     def set_window(self, low: float, high: float, automatic: bool) -> None:
-        """Write what the network sees, at once, so that nobody sees a window that is half the old one."""
+        """Set the intensity window for the network in a single event, so that no observer sees a partly changed window."""
         was_modifying = self.node.StartModify()
         self.set("windowLow", low)
         self.set("windowHigh", high)
@@ -126,41 +125,41 @@ class SceneParameters:
 
     @property
     def volume(self) -> Any:
-        """The volume to segment, a vtkMRMLScalarVolumeNode; None where none is chosen."""
+        """The volume to segment, a vtkMRMLScalarVolumeNode; None if none is chosen."""
         return self._reference("volume")
 
     @property
     def segmentation(self) -> Any:
-        """The vtkMRMLSegmentationNode that gets the segments; None where none is chosen."""
+        """The vtkMRMLSegmentationNode that gets the segments; None if none is chosen."""
         return self._reference("segmentation")
 
     @property
     def rendering_box(self) -> Any:
-        """The vtkMRMLMarkupsROINode that 3D views are cut to; None where there is none yet."""
+        """The vtkMRMLMarkupsROINode to which 3D views are cropped; None if there is none yet."""
         return self._reference("renderingBox")
 
     @property
     def rendering_plane(self) -> Any:
-        """The vtkMRMLMarkupsPlaneNode that 3D views are cut by; None where there is none yet."""
+        """The vtkMRMLMarkupsPlaneNode by which 3D views are cropped; None if there is none yet."""
         return self._reference("renderingPlane")
 
     def _reference(self, name: str) -> Any:
         return referred(self.node, name)
 
     def set_reference(self, name: str, node: slicer.vtkMRMLNode | None) -> None:
-        """Refer to a node as one of `REFERENCES`."""
+        """Set the reference to a node; `name` is one of `REFERENCES`."""
         self.node.SetNodeReferenceID(name, node.GetID() if node else None)
 
     def session_settings(self) -> SessionSettings:
-        """What decides the features.
+        """The settings that determine the features.
 
         Raises:
-            InputError: the window is none.
+            InputError: the intensity window is invalid.
         """
         low, high = self.get("windowLow"), self.get("windowHigh")
         automatic = self.get("windowAutomatic")
         if not automatic:
-            IntensityWindow(low, high)  # Refuses what is no window.
+            IntensityWindow(low, high)  # Raises InputError if the window is invalid.
         return SessionSettings(
             preset=self.get("preset") if self.get("preset") in PRESETS else DEFAULT_PRESET,
             grid=self.get("grid") or None,
@@ -171,18 +170,18 @@ class SceneParameters:
         )
 
     def refinement(self) -> Refinement:
-        """How maps are refined."""
+        """The refinement of maps; with the default method if the stored one is unknown."""
         method = self.get("refinement")
         if method not in REFINEMENT_METHODS:
             method = self.DEFAULTS["refinement"]
         return Refinement(method, self.get("onlyAnnotatedParts"))
 
     def rendering_mode(self) -> RenderingMode | None:
-        """What the 3D views show; None: nothing."""
+        """What the 3D views show; None: nothing, or the stored value is unknown."""
         mode = self.get("rendering")
         return mode if mode in get_args(RenderingMode) else None
 
 
 def referred(parameter_node: slicer.vtkMRMLScriptedModuleNode, role: str) -> Any:
-    """The node that a parameter node refers to as one of `REFERENCES`; None where it is gone, or of another class."""
+    """The node that a parameter node refers to in a role of `REFERENCES`; None if it is gone or of another class."""
     return node_of_class(parameter_node.GetNodeReference(role), REFERENCES[role])

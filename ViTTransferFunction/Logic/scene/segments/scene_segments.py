@@ -1,4 +1,4 @@
-"""From the user's word to segments: whether there is something to write, what is asked for, and what the user is told."""
+"""Writes segments at the user's request: checks that this is possible, requests labels, and reports problems."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from .written_segments import WrittenSegments
 
 
 class SceneSegments(WrittenSegments):
-    """Knows which segments there are; has the classes segmented in the compute process, and written as segments.
+    """Has the classes segmented in the compute process, writes them as segments, and knows which segments exist.
 
     Args:
-        scene: that gets the segments.
+        scene: the scene that gets the segments.
         app_logic: the application's logic.
-        parameters: say which volume and segmentation.
-        proxy: asks the compute process.
-        problems: get what the user has to know.
-        notices: front ends hear of that.
-        volume: as it was opened.
-        classes: all, as they are now.
-        requests: what is asked for of them.
+        parameters: have the volume and the segmentation.
+        proxy: sends requests to the compute process.
+        problems: receives problems to report to the user.
+        notices: notifies front ends of changes.
+        volume: the open volume.
+        classes: returns all current classes.
+        requests: returns the requests for their maps.
     """
 
     def __init__(
@@ -63,43 +63,44 @@ class SceneSegments(WrittenSegments):
 
     @property
     def names(self) -> dict[str, str]:
-        """Of all segments of the chosen segmentation, those that others made among them, by their IDs and in their order."""
+        """Names of all segments in the chosen segmentation by ID, in their order, including those that were not made here."""
         node = self._parameters.segmentation
         segmentation = node.GetSegmentation() if node else slicer.vtkSegmentation()
         return {id_: segmentation.GetSegment(id_).GetName() for id_ in segmentation.GetSegmentIDs()}
 
     @property
     def busy(self) -> bool:
-        """Whether labels are being turned into segments."""
+        """Whether labels are being converted into segments."""
         return self._output.busy
 
     @property
     def progress(self) -> WorkProgress | None:
-        """Of that."""
+        """Progress of this conversion; None if there is none."""
         return self._output.progress
 
     @property
     def can_write(self) -> bool:
-        """Whether there is something to write, or nothing but segments to remove whose classes are gone."""
+        """Whether there are classes to write, or at least segments to remove because their classes are gone."""
         if self._is_annotated:
             return self._proxy.phase == "ready"
         return self._proxy.phase != "no volume" and bool(self.left)
 
     def write(self, corrections: Corrections | Literal["ask"] = "keep") -> None:
-        """Have all classes segmented and written as segments; into a new segmentation where none is chosen.
+        """Segment all classes and write them as segments, into a new segmentation if none is chosen.
 
-        Segments of classes that are gone are removed, unless they were corrected by hand.
+        Segments whose classes are gone are removed, unless they were corrected by hand. Problems are reported to the user.
 
         Args:
-            corrections: what becomes of segments whose voxels were changed since they were written. "keep": they stay, and new
-                segments are written beside them. "overwrite": they get the new voxels. "ask": as "keep" where there are none;
-                otherwise nothing is written, `take_corrected` names them, and this is to be called again with an answer.
+            corrections: what happens to segments whose voxels were changed since they were written. "keep": they are kept, and
+                new segments are written beside them. "overwrite": they get the new voxels. "ask": as "keep" if there are none;
+                otherwise nothing is written, `take_corrected` returns their names, and `write` has to be called again with the
+                user's answer.
         """
         self._begin(corrections)
         self._notices.tell()
 
     def advance(self) -> None:
-        """Take labels in that have arrived, or go on to turn them into segments."""
+        """Receive labels that have arrived, or continue to convert them into segments."""
         arrived = self._proxy.take_labels()
         if self._volume.changed:
             self._output.cancel()
@@ -117,7 +118,7 @@ class SceneSegments(WrittenSegments):
             self._report(str(error))
 
     def cancel(self) -> None:
-        """Stop turning labels into segments; nothing has changed."""
+        """Cancel the conversion of labels into segments; the segmentation stays unchanged."""
         self._output.cancel()
 
     def take_written(self) -> bool:
@@ -125,16 +126,16 @@ class SceneSegments(WrittenSegments):
         return self._output.take_written()
 
     def take_corrected(self) -> tuple[str, ...]:
-        """Names of the segments about which the front end has to ask the user since the last call; most often none."""
+        """Names of corrected segments about which the front end has to ask the user, since the last call; usually none."""
         return self._output.take_corrected()
 
     @property
     def _is_annotated(self) -> bool:
-        """Whether there is a class that a segment can be made of."""
+        """Whether any class has a positive point."""
         return any(state.positive for state in self._classes())
 
     def _begin(self, corrections: Corrections | Literal["ask"]) -> None:
-        """Ask for labels, look for corrections, or tell why there is nothing to do."""
+        """Request labels, search for corrections, or report why nothing can be written."""
         self._problems.solve("segments", "older segments", "computing")
         if self.can_write and not self._is_annotated:
             self._remove_left()
@@ -148,12 +149,12 @@ class SceneSegments(WrittenSegments):
             self._output.find_corrections(if_none=lambda: self._begin("keep"))
         else:
             self._corrections, self._written_from = corrections, self.source_now
-            # Another one that is chosen meanwhile is not what was asked about, nor what the answer about corrections is for.
+            # Fixed now: the user's request and answer do not apply to a segmentation that is chosen meanwhile.
             self._into = self._parameters.segmentation
             self._proxy.segment(self._parameters.refinement())
 
     def _obstacle(self) -> str:
-        """Why segments cannot be written where they are to go, as far as that is known before there are any; or ""."""
+        """Why segments cannot be written into the chosen segmentation, as far as known in advance; "" if they can."""
         node = self._parameters.segmentation
         try:
             if node is not None:
@@ -163,7 +164,7 @@ class SceneSegments(WrittenSegments):
         return ""
 
     def _remove_left(self) -> None:
-        """Write that there are no structures any more, for which nothing has to be computed."""
+        """Remove the segments of classes that are gone; nothing has to be computed for this."""
         nothing = Labels(np.zeros((0, 0, 0), dtype=np.uint8), (0, 0, 0))
         try:
             self._output.write(self._parameters.segmentation, nothing, (), "keep", self.source_now)
