@@ -1,4 +1,4 @@
-"""The tool in a browser: Slicer's scene and views, the session of the Slicer module on it, and a page that shows both."""
+"""The app in a browser: Slicer's scene and views, a session of the Slicer module on the scene, and the page that shows both."""
 
 from __future__ import annotations
 
@@ -45,44 +45,44 @@ from .volumes import add_volume, windows_of
 from .window_drag import WindowDrag, is_on_markup
 
 POLL_S = 0.010
-"""How often the session is asked for news while something runs."""
+"""Interval at which the session is polled while something runs."""
 CLICK_POLL_S = 0.005
-"""The same while the answer to a click is under way."""
+"""The same while the result of a click is awaited."""
 IDLE_POLL_S = 0.5
-"""The same while nothing runs: soon enough to tell that the compute process was lost."""
+"""The same while nothing runs; short enough to notice the loss of the compute process."""
 PICTURE_S = 0.05
-"""How long the picture of an answer has the processor to itself: contours, which follow, would delay it."""
+"""Pause after maps have arrived, in which their picture is rendered and sent; the contours that follow would delay it."""
 UNEXPECTED = "Something unexpected went wrong beside what the page waits for"
-"""What the console says before the traceback of an unexpected error."""
+"""Message in the console before the traceback of an unexpected error."""
 BRUSH_MM = 6.0
 OF_THIS_COMPUTER = ("device", "weightsPath")
-"""Parameters that a session from elsewhere does not decide."""
+"""Parameters that are not taken from a loaded session."""
 OF_ALL_VOLUMES = (*OF_THIS_COMPUTER, "preset", "model", "grid", "refinement", "onlyAnnotatedParts")
-"""Parameters that stay when another volume is opened."""
+"""Parameters that are kept when another volume is opened."""
 
 
 Work = tuple[Classes, str]
-"""Structures, and what their segments, if written, were made from."""
+"""Structures, and the source of their segments if these were written."""
 NO_WORK: Work = ((), "")
 
 
 class WebApp:
-    """One scene, one session, one page. To be made and used in a running asyncio loop.
+    """One scene, one session, one page. Has to be created and used in a running asyncio loop.
 
     Args:
-        settings: parameters of each session (see `SceneParameters`) that are not to have their defaults.
+        settings: parameters (see `SceneParameters`) of each session, where they differ from the defaults.
 
     Attributes:
-        server: trame's.
+        server: the trame server.
         scene: the MRML scene.
         views: the three slice views and the 3D view.
-        session: what the page shows; another one after another volume or session was opened.
-        tool: what the mouse does in the views.
+        session: the session that the page shows; replaced when another volume or session is opened.
+        tool: the tool of the mouse in the views.
         extraction: the button that computes features.
-        films: the film that the page has made of the 3D view.
-        opening: volumes, sessions and points from files.
-        unsaved_points: what is kept of the structures until they are saved.
-        actions: what the page can ask for.
+        films: makes films of the 3D view.
+        opening: opens volumes, sessions and points from files.
+        unsaved_points: keeps copies of the points until they are saved.
+        actions: the actions that the page can request.
         requests: answers the page's requests, each once and in order.
     """
 
@@ -137,18 +137,18 @@ class WebApp:
         on_warning: Callable[[str], None],
         series: str | None,
     ) -> None:
-        """Serve the page until `stop` is called, or the browser's tab was closed, or cut off, and did not come back.
+        """Serve the page until `stop` is called, or the browser's tab was closed or disconnected and did not come back.
 
         Args:
-            host: name or address to listen at.
-            port: 0 for a free one.
-            volume: what to open, unless None: an image, a DICOM folder, or a saved session.
-            on_ready: gets the address once it answers; whoever has the address is let in.
-            on_warning: gets what the user has to know where other computers can reach the page.
-            series: which of the volume's DICOM series, as `choose_series` takes it.
+            host: host name or address to listen on.
+            port: port to listen on; 0: any free one.
+            volume: image, DICOM folder or saved session to open; None: nothing.
+            on_ready: called with the page's address when it can be opened; the address grants access.
+            on_warning: called with a warning if other computers can reach the page.
+            series: the DICOM series to open, as in `choose_series`.
 
         Raises:
-            InputError: nothing can listen there.
+            InputError: it is not possible to listen on this host and port.
         """
         access = Access(host, on_left=self.stop, on_entered=self._expect_page)
         if access.warning:
@@ -172,47 +172,47 @@ class WebApp:
             await serving.end()
 
     def stop(self) -> None:
-        """Have `start` end."""
+        """Make `start` return."""
         self._stopped.set()
 
     @property
     def stopping(self) -> bool:
-        """Whether it was asked to end; threads may ask, too."""
+        """Whether `stop` was called. May be read from any thread."""
         return self._stopped.is_set()
 
     def report(self, message: str, about: str = "", solved: Callable[[], bool] | None = None) -> None:
-        """Show why something was not done, until its cause is gone, or it is tried again.
+        """Show a message why something was not done, until its cause is gone or it is tried again.
 
         Args:
-            message: for the user.
-            about: what was asked for, as `try_again` names it.
-            solved: whether the cause is gone; None: it is once the structures are changed next.
+            message: the message to the user.
+            about: name of what was requested, for `try_again`; empty: nothing that can be tried again.
+            solved: returns whether the cause is gone; None: it is when the structures are changed next.
         """
         before = self.session, self.session.classes
         self._messages.put(message, solved or (lambda: (self.session, self.session.classes) != before), about)
         self._on_changed()
 
     def try_again(self, about: str) -> None:
-        """Forget why something was not done that is asked for once more."""
+        """Remove the message about something that is being requested again."""
         self._messages.try_again(about)
 
     def close_messages(self) -> None:
-        """The user has read them."""
+        """Remove all messages, which the user has read."""
         self._messages.clear()
 
     def write_segments(self, corrections: Literal["ask", "keep", "overwrite"]) -> None:
-        """Have the structures written as segments; "ask": where corrections are in the way, the page asks first."""
+        """Write the structures as segments; "ask": if segments were corrected by hand, the page asks the user first."""
         self.server.state.corrected = []
         if corrections in ("ask", "keep", "overwrite"):
             self.session.segments.write(corrections)
 
     def update_and_download(self) -> None:
-        """Write the segments as the structures are now, and have the page download them once they are written."""
+        """Write the current structures as segments, and have the page download these when they are written."""
         self._downloads_when_written = True
         self.write_segments("ask")
 
     def refresh(self) -> None:
-        """Bring the page up to date with the session."""
+        """Update the page to the state of the session."""
         self._stale = False
         self.tool.session = self.session
         self._fit_brush()
@@ -238,7 +238,7 @@ class WebApp:
         self.views.settle()
 
     def _is_written_for_download(self) -> bool:
-        """Whether the segments that `update_and_download` asked for are written now."""
+        """Whether the segments that `update_and_download` requested have been written."""
         awaited, written = self._downloads_when_written, self.session.segments.take_written()
         self._downloads_when_written = awaited and not written and bool(self.session.progress or self.server.state.corrected)
         return awaited and written and self.session.segments.exist
@@ -248,17 +248,17 @@ class WebApp:
 
     @property
     def work(self) -> Work:
-        """What would be lost with the page, unless it was saved."""
+        """The current work, which is lost with the page unless it is saved."""
         return self.session.classes, self.session.segments.source
 
     def mark_saved(self, work: Work) -> None:
-        """Note that this work was saved: until it changes, the page may be closed without a question."""
+        """Note that this work was saved; until it changes, the page can be closed without a question."""
         self._saved = work
         self.unsaved_points.mark_saved(work[0])
         self.refresh()
 
     def show_saving(self, name: str, share: float | None) -> None:
-        """Have the page show how much of a file to download is made, 0 to 1; None: all of it, or it is given up."""
+        """Show the progress of making a file for download, 0 to 1; None: it is complete or given up."""
         with self.server.state as state:
             state.saving = None if share is None else {"name": name, "percent": int(100 * share)}
 
@@ -269,10 +269,10 @@ class WebApp:
         task.add_done_callback(self._tasks.discard)
 
     def replace_by_session(self, name: str, scene_file: Path) -> None:
-        """Replace what is open by an unpacked session, which users know by a name.
+        """Replace the open volume by an unpacked session; `name` is its name in messages.
 
         Raises:
-            InputError: it cannot be read whole, or nothing tells which of its volumes is meant.
+            InputError: the session cannot be read completely, or it is unclear which of its volumes is meant.
         """
         self._close_scene()
         try:
@@ -293,7 +293,7 @@ class WebApp:
             self._show_volume(volume)
 
     def replace_by_volume(self, volume: Volume, warnings: list[str]) -> None:
-        """Replace what is open by a volume without structures, and show the warnings."""
+        """Replace the open volume by another one, without structures, and show the warnings."""
         self._close_scene()
         node = add_volume(self.scene, volume)
         self._take_session()
@@ -305,7 +305,7 @@ class WebApp:
             self.report(warning)
 
     async def _follow(self) -> None:
-        """Have the session take in what was computed, and the page show it."""
+        """Poll the session for results, and update the page, until cancelled."""
         self.session.start_computing()
         while True:
             awaited_maps = self.session.awaits_maps
@@ -319,10 +319,10 @@ class WebApp:
                 await asyncio.wait_for(self._news.wait(), pace_s)
             if self._news.is_set():
                 self._news.clear()
-                await asyncio.sleep(0)  # The loop's other work first: pictures, say.
+                await asyncio.sleep(0)  # Lets the loop do other work first, such as sending pictures.
 
     def _answer(self, *request: Any) -> Any:
-        """Answer a request of the page. Errors are told there, and raised to the server, which prints them and answers."""
+        """Answer a request of the page. Errors are shown there, and raised to the server, which prints and answers them."""
         try:
             return self.requests(*request)
         except Exception as error:
@@ -330,14 +330,14 @@ class WebApp:
             raise
 
     async def _beside_all_else(self, work: Coroutine[Any, Any, None]) -> None:
-        """Do work to its end. Errors are told and printed, since nobody waits for the work."""
+        """Await work. Errors are shown and printed, since no caller receives them."""
         try:
             await work
         except Exception as error:
             self._tell_of_defect(self.session, error)
 
     def _go_on_after(self, step: Callable[[], None]) -> None:
-        """Do a step. Errors are told and printed, and the app goes on, with the user's work."""
+        """Call a function. Errors are shown and printed, and the app keeps running, so that no work is lost."""
         session = self.session
         try:
             step()
@@ -345,12 +345,12 @@ class WebApp:
             self._tell_of_defect(session, error)
 
     def _tell_of_defect(self, session: SceneSession, error: Exception) -> None:
-        """Tell of an error and print its traceback, once until the user goes on: a step may raise the same one each time."""
+        """Show an error and print its traceback, once until the user continues, since it may be raised repeatedly."""
         if session.tell_of_defect(error):
             asyncio.get_running_loop().call_exception_handler({"message": UNEXPECTED, "exception": error})
 
     def _expect_page(self) -> None:
-        """A page is being loaded; in the one before, a button may have been held."""
+        """Prepare for a page that is being loaded; in the page before, a mouse button may have been held."""
         self.requests.expect_page()
         self.views.leave()
 
@@ -359,7 +359,7 @@ class WebApp:
         self._news.set()
 
     def _new_session(self, saved: bool = False) -> SceneSession:
-        """A session on the scene; `saved`: the scene has parameters, of which only `OF_THIS_COMPUTER` are replaced."""
+        """A session on the scene; `saved`: the scene comes with parameters, of which only `OF_THIS_COMPUTER` are replaced."""
         session = SceneSession(
             self.scene,
             self._slicer.app_logic,
@@ -396,44 +396,44 @@ class WebApp:
         self.session.start_computing()
         volume = self.session.parameters.volume
         if volume is not None and volume.GetImageData() is None:
-            volume = None  # Its file was not in the session, which the user is told.
+            volume = None  # Its file was missing in the session, which is reported to the user.
         self._show_volume(volume)
         for message in self._replaced:
             self.report(message)
         self._on_changed()
 
     def _show_volume(self, volume: Any) -> None:
-        """Show a volume of a session; None: nothing."""
+        """Show the volume of a session; None: nothing."""
         if volume is not None:
-            volume.CreateDefaultDisplayNodes()  # A session that was not written by Slicer may lack them.
+            volume.CreateDefaultDisplayNodes()  # Sessions not written by Slicer may lack them.
         self.views.show(volume)
         self._offer_windows(volume)
 
     def _offer_windows(self, volume: Any) -> list[IntensityWindow]:
-        """Have the page offer the windows in which people look at a volume; returns them."""
+        """Offer the common intensity windows for a volume on the page; returns them."""
         windows = windows_of(volume) if volume else {}
         with self.server.state as state:
             state.windows = [{"text": text, **window_ends(window.low, window.high)} for text, window in windows.items()]
         return list(windows.values())
 
     def _window_drag(self, interactor: Any, slice_node: Any, draw: Callable[[], None]) -> WindowDrag:
-        """The left button changes the window where no tool is in hand and no point is under the mouse, and with Ctrl always."""
+        """Changes the window by left drags if no tool is active and no point is under the mouse, and with Ctrl in any case."""
 
         def is_free() -> bool:
             return self.tool.tool is None and not is_on_markup(self.scene)
 
         def show() -> None:
-            # Sent with the answer to the steps, once for all moves among them.
+            # Sent with the answer to a batch of mouse events, once for all moves in it.
             self.server.state.window = shown_window(self.session.parameters.volume)
 
         return WindowDrag(interactor, lambda: self.session.parameters.volume, is_free, show)
 
     def _delays_3d(self) -> bool:
-        """Whether drawing the 3D view waits for what is under way: not while the user changes its look."""
+        """Whether the 3D view is drawn later because the session is busy; not while the user changes the look of structures."""
         return self.session.busy and not self.session.views.drawing_quickly
 
     def _fit_brush(self) -> None:
-        """Offer brushes that suit the volume's size, and keep the one that is chosen in proportion."""
+        """Adapt the range of brush sizes to the volume's size, and scale the chosen size with it."""
         scale, before = brush_scale(self.session.body_scale), self._brush_scale
         if scale != before:
             self._brush_scale = scale
@@ -447,7 +447,7 @@ class WebApp:
 
 
 def _keep_temporary_files_in_private_folder(app: SlicerApp) -> None:
-    """Use a folder that is removed later even if the app is killed; the one that trame-slicer makes would stay."""
+    """Replace trame-slicer's temporary folder, which would stay if the app is killed, by one that is removed later."""
     manager = app.io_manager
     manager.cache_dir.cleanup()
     manager.cache_dir = private_folder()

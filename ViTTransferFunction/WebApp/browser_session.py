@@ -1,4 +1,4 @@
-"""One session per server: which browser it belongs to, and whether that browser is there."""
+"""The single session of a server: which browser it belongs to, and whether that browser is connected."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from aiohttp import WSCloseCode, web
 COOKIE = "vittf"
 
 SECONDS_TO_RETURN = 20.0
-"""From the closing of a tab to the end of the session. A page that is loaded again, or a tab that was closed by mistake, is
+"""Time from the closing of a tab to the end of the session. A page that is reloaded, or a tab that was closed by mistake, is
 back within seconds."""
 SECONDS_TO_RECONNECT = 24 * 3600.0
-"""From a connection that broke to the end of the session. The computer slept, say, and its user goes on tomorrow; but a browser
-that crashed, or that was killed, says nothing either, and its session is not to stay for ever."""
+"""Time from a lost connection to the end of the session. The computer may have slept, and its user may continue the next day.
+But a browser that crashed or was killed sends no notice either, and its session must not stay forever."""
 
 
 class BrowserSession:
-    """The browser that has the session, known by a cookie that only it was given.
+    """The browser that owns the session, identified by a cookie that only it was given.
 
-    Its page is there as long as its websocket is open. Another browser may have the session once that is closed.
+    Its page is present while its websocket is open. When that is closed, another browser may take over the session.
 
     Args:
-        on_left: called in the running loop once the tab was closed and did not come back, or long after its connection broke;
-            not while the browser still fetches something.
+        on_left: called in the running loop when the tab was closed and did not come back, or long after the connection was
+            lost; not while the browser is still downloading something.
     """
 
     def __init__(self, on_left: Callable[[], object]) -> None:
@@ -37,30 +37,30 @@ class BrowserSession:
         self._answering = 0
 
     def is_owner(self, request: web.Request) -> bool:
-        """Whether a request is from the browser that has the session."""
+        """Whether a request comes from the browser that owns the session."""
         return self._key is not None and secrets.compare_digest(request.cookies.get(COOKIE, "").encode(), self._key.encode())
 
     def is_free(self) -> bool:
-        """Whether no page is there, so that another browser may have the session."""
+        """Whether no page is present, so that another browser may take over the session."""
         return self._socket is None
 
     def give_to(self, response: web.StreamResponse) -> None:
-        """Make the browser that gets `response`, which is the page, the one that has the session; any other loses it."""
+        """Make the browser that receives `response`, the page, the owner of the session; any other browser loses it."""
         self._key = secrets.token_urlsafe()
-        # Without a path, it is for the folder that the browser has the page from: a proxy may have put others before that.
-        # Lax: a browser that comes by a link, or by an address clicked in a mail, is to be known again.
+        # With an empty path, the cookie applies to the folder of the page's address, which a proxy may have prefixed.
+        # Lax: a browser that follows a link to the page, from an email for example, has to be recognised.
         response.set_cookie(COOKIE, self._key, path="", httponly=True, samesite="Lax")
 
     async def hold(
         self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
     ) -> web.StreamResponse:
-        """Serve the websocket of the owner's page, which is there until it ends.
+        """Serve the websocket of the owner's page, which is present until it ends.
 
-        Of two pages in one browser, the one that was opened last has the session: they would quarrel about the size of views.
+        Of two pages in one browser, only the last opened one has the session, since each would set the size of the views.
         """
         previous, self._socket = self._socket, request
         if previous is not None and previous.transport is not None:
-            # Not closed: that would wait until a browser that is not heard any more has taken what was sent to it.
+            # Closing would wait until an unreachable browser has received what was sent to it.
             previous.transport.abort()
         self._stay()
         response = None
@@ -78,7 +78,7 @@ class BrowserSession:
     async def answer(
         self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
     ) -> web.StreamResponse:
-        """Serve any other request of the owner's: whoever asks is there, as is a browser that still fetches what was saved."""
+        """Serve any other request of the owner, who counts as present during it (a download, say) and for a while after."""
         if self._farewell is not None:
             self._wait(self._patience_s)
         self._answering += 1
@@ -88,10 +88,9 @@ class BrowserSession:
             self._answering -= 1
 
     def part(self) -> None:
-        """The owner's page is being closed, or loaded again.
+        """Handle a message that the owner's page is being closed or reloaded.
 
-        It says so itself as well: the code with which its websocket ends is lost where the browser is faster than this server,
-        which then cannot answer it.
+        The close code of the websocket is not enough: it is lost if the browser disconnects before this server can answer.
         """
         self._wait(SECONDS_TO_RETURN)
 
@@ -102,7 +101,7 @@ class BrowserSession:
 
     def _leave(self) -> None:
         self._farewell = None
-        # There may be another page meanwhile, in the same browser: then only one of its tabs was closed.
+        # Meanwhile there may be another page in the same browser: only one of its tabs was closed.
         if self._socket is not None:
             return
         if self._answering:
