@@ -1,8 +1,8 @@
-"""A volume of the scene being annotated and segmented: the one object that a front end talks to.
+"""The session of annotating and segmenting a volume of the scene: the single entry point for front ends.
 
-What the user decides lies in the scene: parameters in a parameter node, classes in point lists. This object watches them, has
+All user input is stored in the scene: parameters in a parameter node, classes in point lists. The session observes these, has
 maps computed in the compute process, and shows the results: overlay, contours, rendering, segments. It can be discarded at any
-time and made again from the scene. Nothing here waits: a front end calls `poll` about every 10 ms while `busy`.
+time and created again from the scene. Nothing here blocks: a front end calls `poll` about every 10 ms while `busy`.
 """
 
 from __future__ import annotations
@@ -53,30 +53,31 @@ from .volumes.volume_content import Frame
 
 
 class SceneSession:
-    """Connects the scene, the compute process, and what the views show. Front ends talk to the parts among its attributes, too.
+    """Connects the scene, the compute process, and the views. Front ends also use the parts among its attributes.
 
     Args:
         scene: the scene.
-        app_logic: the application's logic, which has the logics of its modules.
-        parameter_node: holds the parameters and refers to the classes; it may come from a saved scene.
-        python_executable: the Python that has PyTorch; the running one unless given.
-        windows_3d: the vtkRenderWindows of the 3D views that are shown; those are drawn quickly while their look is changed.
-        points_3d: the displayable managers of points of all 3D views; see `PointsIn3D`.
-        have_views_wait: called with which views need not be drawn until an answer is there; see `AwaitedAnswer`.
-        may_compute: whether that Python has PyTorch; until then, nothing is computed, and `estimate_again` begins with it.
+        app_logic: the application's logic, which gives access to the logics of its modules.
+        parameter_node: contains the parameters and references to the classes; may come from a saved scene.
+        python_executable: a Python with PyTorch; None: the running one.
+        windows_3d: returns the vtkRenderWindows of the 3D views that are shown; these are drawn with fewer rays while the
+            look of structures is being changed.
+        points_3d: returns the displayable managers for points of all 3D views; see `PointsIn3D`.
+        have_views_wait: called with the views that should not be drawn until an answer has arrived; see `AwaitedAnswer`.
+        may_compute: whether that Python has PyTorch. Nothing is computed before; call `estimate_again` when this changes.
 
     Attributes:
-        parameters: the module's settings; writing one takes effect at once.
-        annotations: classes and points, and their undo and redo.
-        selection: chooses the class that is annotated, also by what is done to the classes.
-        file_classes: converts classes to what annotation files contain, and takes over classes from files.
-        regions: adds the points of regions that the user encloses.
-        close_ups: has classes looked at by themselves, or in the whole volume again.
-        close_up_hints: says why a closer look may find a class better, or has begun unasked.
-        other_scans: which others have structures, and takes these over.
-        views: what is shown in the views, and how.
-        shown: which points lie on the structures that are shown.
-        segments: writes the classes as segments, and knows which there are, and whether classes have changed since.
+        parameters: the module's settings; changes take effect immediately.
+        annotations: edits classes and points, with undo and redo.
+        selection: the class that is annotated; follows changes of the classes.
+        file_classes: converts classes to annotation files and back.
+        regions: adds points for shapes that the user draws.
+        close_ups: segments classes in a close-up, or in the whole volume again.
+        close_up_hints: reasons why a close-up may improve a class, or was begun automatically.
+        other_scans: other scans in the scene with structures, which can be copied from there.
+        views: the content and look of the views.
+        shown: the structures that are shown, and which points lie on them.
+        segments: writes classes as segments; knows which exist, and whether the classes have changed since.
     """
 
     def __init__(
@@ -165,32 +166,32 @@ class SceneSession:
         self._watch.look()
 
     def add_observer(self, callback: Callable[[], None]) -> None:
-        """Call `callback` after anything that a front end shows has changed."""
+        """Call `callback` after each change of what front ends show."""
         self._notices.add_observer(callback)
 
     @property
     def body_scale(self) -> float:
-        """Factor for lengths in the scene that suit human bodies; less than 1 if the volume is smaller."""
+        """Factor for lengths that suit human bodies; less than 1 for smaller volumes."""
         return self._volume.body_scale
 
     @property
     def phase(self) -> Phase:
-        """How far the volume is."""
+        """The state of the volume."""
         return self._proxy.phase
 
     @property
     def progress(self) -> WorkProgress | None:
-        """Of the running extraction or segmentation, of close-ups, or of the writing of segments; None if none is running."""
+        """Progress of an extraction, a segmentation, close-ups, or the writing of segments; None if none is running."""
         return self._proxy.progress or self.segments.progress
 
     @property
     def looks_closer(self) -> bool:
-        """Whether `progress` is that of close-ups."""
+        """Whether `progress` is the progress of close-ups."""
         return self._proxy.looks_closer
 
     @property
     def estimate(self) -> FeatureEstimate | None:
-        """What the features will cost; None until known."""
+        """Estimated cost of the features; None until known."""
         return self._proxy.estimate
 
     @property
@@ -207,17 +208,17 @@ class SceneSession:
 
     @property
     def awaits_maps(self) -> bool:
-        """Whether the answer to a click is under way: then `poll` should be called more often."""
+        """Whether requested maps have not arrived yet; `poll` should then be called more often."""
         return self._proxy.awaits_maps
 
     @property
     def up_to_date(self) -> bool:
-        """Whether what is shown corresponds to the current annotations."""
+        """Whether the maps that are shown belong to the current annotations."""
         return self._proxy.up_to_date
 
     @property
     def selected_up_to_date(self) -> bool:
-        """The same for the selected class alone, whose map comes a little earlier than the others."""
+        """The same for the selected class alone, whose map arrives slightly before the others."""
         return self._proxy.first_up_to_date
 
     @property
@@ -227,43 +228,43 @@ class SceneSession:
 
     @property
     def observer_count(self) -> int:
-        """How many observers of the scene and its nodes there are."""
+        """Number of observers of the scene and its nodes."""
         return self._watch.observer_count + self.annotations.observer_count
 
     def take_error(self) -> str | None:
-        """What went wrong since the last call, in words for the user."""
+        """The next error that has not been returned yet, as a message to the user; None if there is none."""
         return self._problems.take()
 
     @property
     def errors(self) -> tuple[str, ...]:
-        """Messages about problems that persist, whether `take_error` has returned them or not."""
+        """Messages about current problems, whether `take_error` has returned them or not."""
         return self._problems.standing
 
     @property
     def volume_changed(self) -> bool:
         """Whether the volume's voxels have changed.
 
-        The new ones are used once they have stopped changing and nothing runs for the old ones.
+        The new voxels are used when changes have stopped and nothing is running for the old ones.
         """
         return self._volume.changed
 
     @property
     def frame(self) -> Frame | None:
-        """The frame of a sequence to which phase, estimate and features belong; None if the volume is no sequence."""
+        """The frame of a sequence to which phase, estimate and features belong; None if the volume is not a sequence."""
         return self._volume.content.frame if self._volume.content else None
 
     @property
     def points_beyond(self) -> dict[str, int]:
-        """How many points of each class lie outside the volume and do not count, by class id; only classes that have some."""
+        """Number of points outside the volume, which do not count, by class id; only classes that have some."""
         return self._maps.requests.points_beyond
 
     @property
     def points_without_intensity(self) -> dict[str, int]:
-        """How many points of each class lie where the volume has no intensity, by class id; only classes that have some."""
+        """Number of points where the volume has no intensity, by class id; only classes that have some."""
         return self._maps.requests.points_without_intensity
 
     def set_volume(self, node: slicer.vtkMRMLScalarVolumeNode | None) -> None:
-        """Choose the volume to segment. Where its features are cached, they load at once. See `ScanChange`."""
+        """Choose the volume to segment; cached features are loaded immediately. See `ScanChange`."""
         self._scan_change.go_to(node)
 
     def set_segmentation(self, node: slicer.vtkMRMLSegmentationNode | None) -> None:
@@ -280,7 +281,7 @@ class SceneSession:
 
     @property
     def selected_class(self) -> ClassState | None:
-        """The class that is annotated, and whose similarity is overlaid; the first one until one is selected."""
+        """The class that is annotated, and whose similarity is overlaid; the first one by default."""
         return self.selection.state
 
     def select_class(self, id_: str) -> None:
@@ -293,27 +294,27 @@ class SceneSession:
         self._tour.show_next([point for polarity in polarities for point in getattr(state, polarity)])
 
     def continue_segment(self, segment_id: str) -> None:
-        """Begin a class with points in a segment of the chosen segmentation, to improve what others made. `poll` finds them."""
+        """Create a class with points in a segment of the chosen segmentation, to improve it; `poll` finds the points."""
         self._other_segments.choose_continued(segment_id)
         self._use_segment_points()
         self._notices.tell()
 
     def chosen_iso(self, id_: str) -> float | None:
-        """The threshold that a class has now, chosen or set; None where it has no map yet."""
+        """The current iso value of a class, chosen automatically or set; None if the class has no map yet."""
         class_map = self._proxy.maps.get(id_)
         return class_map.iso if class_map else None
 
     def volume_ml(self, id_: str) -> float | None:
-        """The size that a class's segment has in the scene by the current maps, millilitres; None if it has no map yet."""
+        """Volume of a class's segment in the scene by the current maps, in millilitres; None until known."""
         local_ml, enlargement = self._proxy.volumes_ml.get(id_), self._volume.enlargement
         return None if local_ml is None or enlargement is None else enlargement * local_ml
 
     def start_computing(self) -> None:
-        """Start the compute process before there is a volume: it takes seconds to be ready."""
+        """Start the compute process ahead of time, because this takes seconds."""
         self._proxy.start()
 
     def estimate_again(self) -> None:
-        """Open the volume again, after something that it needs was refused or lost: it may be available now."""
+        """Open the volume again, after something that it needs was refused or lost and may be available now."""
         self._on_opened(self._volume.open_again())
 
     def remove_model(self) -> None:
@@ -324,13 +325,13 @@ class SceneSession:
         """
         CacheContents(self.parameters).remove_model()
         if self.phase == "no features":
-            # They would have to be downloaded, which users are asked about; or it was they that were damaged.
+            # The estimate changes: the weights have to be downloaded, with the user's consent. Or they were damaged before.
             self.estimate_again()
 
     def give_way_to_segments(self, give_way: bool) -> None:
-        """Hide what is shown of structures while their segments, if they were written, are corrected; or show it again.
+        """Hide structures while their segments, if written, are being corrected by hand; or show them again.
 
-        It has the colour and the place of the segment: a part that is cut off the segment would seem to be there still.
+        They have the colour and position of the segment: parts that are removed from it would seem to remain.
         """
         give_way = give_way and self.segments.exist
         if give_way != self.views.give_way:
@@ -339,14 +340,14 @@ class SceneSession:
             self._notices.tell()
 
     def start_extraction(self) -> None:
-        """Begin to compute the volume's features."""
+        """Start computing the volume's features."""
         self._problems.solve("segments", "computing")
         self._proxy.extract()
         self._take_problem()
         self._notices.tell()
 
     def cancel(self) -> None:
-        """Stop what runs: an extraction, a segmentation, a closer look; what was there before stays."""
+        """Cancel the running extraction, segmentation or close-up; earlier results are kept."""
         if self.looks_closer:
             self.close_ups.take_back()
         else:
@@ -355,7 +356,7 @@ class SceneSession:
         self._notices.tell()
 
     def poll(self) -> None:
-        """Take in what the compute process has to say, and send it what has become due."""
+        """Receive replies of the compute process, send requests that have become due, and update what is shown."""
         was_busy = self.busy
         events = self._proxy.poll()
         self._take_in(events)
@@ -364,20 +365,20 @@ class SceneSession:
         writing = self.segments.busy
         if "labels" in events or writing:
             self.segments.advance()
-        # What the user waits for is finished first: it is kept for its frame.
+        # Work that the user waits for is finished first; its result is kept for the frame before.
         if self.progress is None and self._volume.has_rested():
             self._on_opened(self._volume.open_again())
         points_told = self._look_at_points()
         came_to_rest = was_busy and not self.busy
-        # Observers are told of the first map together with all maps.
+        # Observers are notified of the first map together with all maps.
         if events - {"first map"} or writing or segments_changed or points_told or came_to_rest:
             self._notices.tell()
 
     def tell_of_defect(self, error: Exception) -> bool:
-        """Tell the user of an unexpected error: once until they go on, because `poll` may raise it at each call.
+        """Report an unexpected error to the user, once until they continue, because each call of `poll` may raise it again.
 
         Returns:
-            Whether it was told now; the front end then logs the error, too.
+            Whether it was reported now; the front end then also logs the error.
         """
         if self._problems.stands("defect"):
             return False
@@ -386,7 +387,11 @@ class SceneSession:
         return True
 
     def wait(self, timeout_s: float = 600.0) -> None:
-        """Poll until nothing is under way: for scripts and tests. Raises TimeoutError."""
+        """Poll until nothing is running, for scripts and tests.
+
+        Raises:
+            TimeoutError: it is still busy after this time.
+        """
         until = time.monotonic() + timeout_s
         self.poll()
         while self.busy:
@@ -396,7 +401,7 @@ class SceneSession:
             self.poll()
 
     def close(self) -> None:
-        """End the compute process and take away what is shown; classes, parameters and segments stay in the scene."""
+        """End the compute process and remove what is shown; classes, parameters and segments stay in the scene."""
         self._notices.close()
         self._watch.close()
         self.annotations.close()
@@ -405,7 +410,7 @@ class SceneSession:
         self.views.remove()
 
     def _take_in(self, events: set[Event]) -> None:
-        """Show what has come from the compute process, or go on to show what came before."""
+        """Handle the events of the compute process: show new results, or continue to show earlier ones."""
         if "maps" in events:
             self._problems.solve("computing")
             if self._proxy.up_to_date:
@@ -416,14 +421,14 @@ class SceneSession:
         if events & {"first map", "maps", "refined", "rendering", "state"}:
             self._show()
         elif self.views.pending and not self.awaits_maps:
-            # What is left to show of maps that give way to others would keep these waiting.
+            # While new maps are awaited, finishing the display of old ones would delay them.
             self.views.advance()
         if "refined" in events:
             for id_, close_up in self.close_up_hints.take_unasked().items():
                 self.close_ups.look_at(id_, close_up)
 
     def _search_in_segments(self) -> bool:
-        """Go on to look for points in other segments; returns whether the chosen segmentation has changed."""
+        """Continue to search for points in other segments; returns whether the chosen segmentation has changed."""
         searched = self._other_segments.busy and self._other_segments.advance()
         changed, self._segments_changed = self._segments_changed, False
         if searched or changed:
@@ -431,7 +436,7 @@ class SceneSession:
         return changed
 
     def _look_at_points(self) -> bool:
-        """Look where points and boxes are, and on which scan, if something has changed; returns whether there is news of it."""
+        """After a change, check the positions of points and boxes, and their scan; returns whether messages have changed."""
         due, self._look_due = self._look_due, False
         if not due:
             return False
@@ -440,7 +445,7 @@ class SceneSession:
         return left_behind or other_scan
 
     def _on_annotations(self) -> None:
-        """The user went on, or took back what they did."""
+        """Handle a change of the annotations by the user, or its undo."""
         self._problems.solve("segments", "older segments", "close-up", "placing", "defect")
         self.close_up_hints.note()
         self._follow()
@@ -452,23 +457,23 @@ class SceneSession:
         self._notices.tell()
 
     def _tell_of_nothing_hit(self) -> None:
-        # Each click is answered, also where somebody has closed what was said to the one before.
+        # Every such click gets a message, even if the message about the click before was closed.
         self._problems.solve("placing")
         self._problems.put("placing", nothing_hit_text())
         self._notices.tell()
 
     def _on_parameters(self) -> None:
-        # In the midst of an edit, there may be fewer classes than before and after it.
+        # During an edit, classes may be missing temporarily.
         if not self.annotations.editing:
             self._on_opened(self._volume.open())
 
     def _on_model(self, name: str) -> None:
-        """Structures come that were made with this model; "": not known."""
+        """Prepare for structures that were made with this model; "": not known."""
         self._former_model.remember(name)
         self._on_parameters()
 
     def _on_opened(self, anew: bool) -> None:
-        """The volume was checked; `anew`: and handed to the compute process again."""
+        """Handle a check of the volume; `anew`: it was sent to the compute process again."""
         returned = False
         if anew:
             self._maps.forget()
@@ -491,21 +496,21 @@ class SceneSession:
         self._other_segments.forget()
 
     def _on_segments(self) -> None:
-        # For the next poll, since such calls come in storms.
+        # Left to the next poll, since these calls come in bursts.
         self._segments_changed = self._look_due = True
 
     def _show(self) -> bool:
-        """Whether slice views have something else to show now."""
+        """Show the current maps; returns whether this changed what slice views show."""
         return self.views.show(self.classes, self.selected_class, self._maps.requests, stale=self.volume_changed)
 
     def _use_segment_points(self) -> None:
-        """Use what is known of points in segments; what is not known yet is being searched for."""
+        """Use the points in segments that have been found so far."""
         try:
             while (begun := self._other_segments.begin_continued(self.annotations)) is not None:
                 self.select_class(begun.id)
         except InputError as error:
             self._report(str(error))
-            self._segments_changed = True  # There may be others, which the next poll takes up.
+            self._segments_changed = True  # There may be more segments, which the next poll handles.
         self._maps.ask()
 
     def _take_problem(self) -> None:
