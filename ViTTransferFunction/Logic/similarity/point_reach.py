@@ -8,8 +8,8 @@ positive point p of a class, in the order placed, is multiplied by
     w = W (1 − max_m l(p_m, p)) (1 − min(1, A max_m |F(p_m)| / |F(p)|)),
 
 where p_m are the earlier points, F(p) is the set of cells that p finds, those with k(p, x) ≥ `FOUND`, and l is the kernel of
-features and intensities without positions. The reach is shorter if the point looks less like the earlier ones, if its look is
-more common than theirs, and if it lies nearer to what they find. Between two points, the factor is
+features and intensities without positions. w is larger if the point looks less like the earlier ones and if its look is more
+common than theirs; ρ is smaller if the point lies nearer to the cells that they find. Between two points, the factor is
 
     √((1 − w)(1 − w′)) + √(w w′) (2ρρ′ / (ρ² + ρ′²))^(3/2) exp(−|p − p′|² / (ρ² + ρ′²)),
 
@@ -20,8 +20,8 @@ kernel would remove the class along with the excess. Therefore its kernel is mul
 
     ρ = max(R⁻, c⁻ min {|x − q|: x ∉ F(p_1)}),    w = W l(p_1, q),
 
-where p_1 is the class's first positive point: the reach is shorter if q looks more like p_1, and if it lies less deep within
-the cells that p_1 finds. For all other points w is 0.
+where p_1 is the class's first positive point: w is larger if q looks more like p_1; ρ is smaller if q lies less deep
+within the cells that p_1 finds. For all other points w is 0.
 """
 
 from __future__ import annotations

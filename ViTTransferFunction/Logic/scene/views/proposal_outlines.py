@@ -25,8 +25,8 @@ SIZES = (0.0, -1.0, 1.0)
 LEAST_DIFFERENCE = 0.1
 """Least relative difference in volume for a separate outline: with less, it would look like the same line drawn twice."""
 MOST_AMBIGUOUS_POINTS = 2
-"""Classes with more points have outlines only while another size than 0 is chosen. Their size is well known: another
-one hardly helps (docs/RESULTS.md), and its outlines would confuse."""
+"""Classes with more points have outlines only while another size than 0 is chosen. Their size is well known: another one hardly
+helps (docs/RESULTS.md), and its outlines would confuse."""
 JUST_BELOW = 0.98
 """Factor of the iso value to which a map is limited in voxels that the class does not get."""
 
