@@ -5,11 +5,18 @@ it looks unlike them but like much else, its kernel would also raise the map els
 positive point p of a class, in the order placed, is multiplied by
 
     (1 − w) + w exp(−|x − p|² / 2ρ²),    ρ = max(R, c min {|x − p|: x ∈ F(p_m), m < n}),
-    w = W (1 − max_m l(p_m, p)) (1 − min(1, A max_m |F(p_m)| / |F(p)|)),
+    w = W (1 − max_m l(p_m, p)) (1 − (1 − r) min(1, A max_m |F(p_m)| / |F(p)|)),
 
 where p_m are the earlier points, F(p) is the set of cells that p finds, those with k(p, x) ≥ `FOUND`, and l is the kernel of
 features and intensities without positions. w is larger if the point looks less like the earlier ones and if its look is more
-common than theirs; ρ is smaller if the point lies nearer to the cells that they find. Between two points, the factor is
+common than theirs; ρ is smaller if the point lies nearer to the cells that they find. How common its look is counts less if it
+lies at the rim of these cells: then even a rare look, such as that of the fat beside a tumour, is not that of another part.
+With d the distance from these cells, in cells, the point is taken to lie at their rim to the degree
+
+    r = R_0 min(1, max(0, (d_1 − d) / (d_1 − d_0))) min(1, max_m l(p_m, p) / l_0),
+
+less if it looks like none of the earlier ones at all, as the enhancing margin of a tumour whose necrosis was clicked. Between
+two points, the factor is
 
     √((1 − w)(1 − w′)) + √(w w′) (2ρρ′ / (ρ² + ρ′²))^(3/2) exp(−|p − p′|² / (ρ² + ρ′²)),
 
@@ -42,6 +49,13 @@ LARGEST_WEIGHT = 0.8
 if it looks exactly like the first positive point."""
 AS_COMMON = 0.5
 """A: a point that finds at most A times as many cells as an earlier one is not more common, so its reach is unlimited."""
+RIM_CELLS, DEEP_CELLS = 1.0, 3.0
+"""d_0 and d_1, in cells: up to the first distance from the cells that earlier ones find, a point lies at their rim; from the
+second on, it does not."""
+RIM_LIKE = 0.15
+"""l_0: a point at the rim looks at least this much like an earlier one, since its voxel is a part of the structure."""
+LARGEST_RIM = 0.8
+"""R_0: the largest r. The structure may go on in what looks like its rim, as a gyrus does."""
 FOUND = 0.2
 """A point finds the cells with which its kernel is at least this."""
 WIDER = 2.0
@@ -118,10 +132,11 @@ class PointReach:
             row: the point's kernel with all cells, (cells,) float32, changed in place.
         """
         self._found_by_key[key] = np.flatnonzero(row >= FOUND)
-        weight = self._weight(key, point, before, points_before) if before else 0.0
-        if weight:
-            distance = max(SHORTEST_CELLS * self._cell, WIDER * self._from_found(point, before, points_before))
-            self._multiply(key, point, distance, weight, row)
+        if before:
+            apart = self._from_found(point, before, points_before)
+            weight = self._weight(key, point, before, points_before, apart)
+            if weight:
+                self._multiply(key, point, max(SHORTEST_CELLS * self._cell, WIDER * apart), weight, row)
 
     def apply_to_negative(
         self, key: bytes, point: Places, before: Sequence[bytes], points_before: Places, row: np.ndarray
@@ -142,13 +157,14 @@ class PointReach:
         factors += 1.0 - weight
         row *= factors
 
-    def _weight(self, key: bytes, point: Places, before: Sequence[bytes], points_before: Places) -> float:
-        """The weight w of a single point, given the earlier ones, at least one."""
+    def _weight(self, key: bytes, point: Places, before: Sequence[bytes], points_before: Places, apart: float) -> float:
+        """The weight w of a single point, given the earlier ones, at least one; it is `apart` from what they find, in σ_x."""
         most, found = max(len(self._found_by_key[each]) for each in before), len(self._found_by_key[key])
-        if found <= AS_COMMON * most:
-            return 0.0
-        unlike = 1.0 - min(1.0, float(alike(points_before, point).max()))
-        return LARGEST_WEIGHT * unlike * (1.0 - AS_COMMON * most / found)
+        as_rare = min(1.0, AS_COMMON * most / found) if found else 1.0
+        like = min(1.0, float(alike(points_before, point).max()))
+        near = float(np.interp(apart / self._cell, (RIM_CELLS, DEEP_CELLS), (1.0, 0.0)))
+        at_rim = LARGEST_RIM * near * min(1.0, like / RIM_LIKE)
+        return LARGEST_WEIGHT * (1.0 - like) * (1.0 - (1.0 - at_rim) * as_rare)
 
     def _from_found(self, point: Places, before: Sequence[bytes], points_before: Places) -> float:
         """Distance of a single point from the earlier ones, at least one, and the cells that they find, in units of σ_x."""
