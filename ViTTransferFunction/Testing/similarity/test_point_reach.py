@@ -90,6 +90,20 @@ def test_a_point_whose_look_is_no_more_common_than_the_first_ones_reaches_withou
     np.testing.assert_array_equal(row, place_kernel(in_the_rare, line)[0])
 
 
+@pytest.mark.parametrize(("at", "near"), [(9, 1.0), (8, 0.5), (7, 0.0), (3, 0.0)])
+def test_a_rare_look_is_held_back_where_it_lies_at_the_rim_of_what_was_found(line: Places, at: int, near: float) -> None:
+    """The first point finds the fifty cells from the eleventh on, which are five times as many as look like the later one."""
+    reach, _ = reached(line, places([20], [AROUND]), places([at], [STRUCTURE]))
+    like = np.exp(-2.5)
+    expected = point_reach.LARGEST_WEIGHT * (1.0 - like) * point_reach.LARGEST_RIM * near * like / point_reach.RIM_LIKE
+    np.testing.assert_allclose(reach.of([b"\x01"]).weight, expected, rtol=1e-4, atol=1e-6)
+
+
+def test_a_rare_look_that_is_like_nothing_before_it_is_another_part_also_at_the_rim(line: Places) -> None:
+    reach, _ = reached(line, places([3], [STRUCTURE]), places([10], [(-1.0, 0.0)]))
+    assert reach.of([b"\x01"]).weight.item() < 0.05
+
+
 def test_where_nothing_is_found_the_points_before_are_what_counts(line: Places) -> None:
     unlike_all = places([3], [(-1.0, 0.0)])
     reach, _ = reached(line, unlike_all, places([13], [AROUND]))
