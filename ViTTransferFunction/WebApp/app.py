@@ -21,6 +21,7 @@ from ..Logic.scene.annotation_tool import AnnotationTool
 from ..Logic.scene.classes.class_state import Classes
 from ..Logic.scene.interface.choices import choices, make_possible
 from ..Logic.scene.interface.messages import Messages
+from ..Logic.scene.mrml.nodes import in_text
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.size_by_wheel import size_wheels
 from ..Logic.scene.tools.brush_size import brush_scale, brush_size
@@ -223,7 +224,7 @@ class WebApp:
         with self.server.state as state:
             corrected = self.session.segments.take_corrected()
             if corrected:
-                state.corrected = list(corrected)
+                state.corrected = [in_text(name) for name in corrected]
             shown = {"with_cache": bool(state.advanced_open), "with_look": bool(state.appearance_open)}
             state.update(session_state(self.session, **shown))
             state.update({

@@ -14,6 +14,7 @@ from ..Logic.core.system.errors import InputError
 from ..Logic.files.unsaved_files import DELAY_S, LONGEST_DELAY_S, LeftPoints, UnsavedFile, remove_left
 from ..Logic.scene.classes.class_state import Classes
 from ..Logic.scene.interface.message_texts import not_kept_text, unusable_text
+from ..Logic.scene.mrml.nodes import in_text
 from ..Logic.scene.volumes.volume_nodes import array_from_node
 
 if TYPE_CHECKING:
@@ -119,7 +120,7 @@ class UnsavedPoints:
         with self._app.server.state as state:
             state.restorable = None if left is None else {
                 "points": left.point_count,
-                "names": [each.name for each in left.classes],
+                "names": [in_text(each.name) for each in left.classes],
                 "when_ms": 1000.0 * left.when_s,
             }  # fmt: skip
 

@@ -35,6 +35,19 @@ def test_the_panels_settings_reach_the_session_and_come_back(opened: Callable[[J
     opened(journey)
 
 
+def test_corrected_segments_in_arabic_and_hebrew_are_named_side_by_side_without_changing_places(
+    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def journey(app: WebApp) -> None:
+        with monkeypatch.context() as there:
+            there.setattr(app.session.segments, "take_corrected", lambda: ("كبد 2", "כבד", "liver"))
+            app.refresh()
+        assert app.server.state.corrected == ["\u2068كبد 2\u2069", "\u2068כבד\u2069", "liver"]
+        app.server.state.corrected = []
+
+    opened(journey)
+
+
 @pytest.mark.parametrize("grid", [3, 129, -1])
 def test_a_grid_out_of_range_is_refused_with_the_range(opened: Callable[[Journey], None], grid: int) -> None:
     async def journey(app: WebApp) -> None:

@@ -241,6 +241,16 @@ def test_of_many_structures_that_were_not_saved_five_are_named(page: AppPage) ->
     page["restorable"].wait_for(state="detached")
 
 
+def test_of_a_long_name_in_arabic_the_beginning_is_shown(page: AppPage) -> None:
+    before = page["class-name-0"].input_value()
+    page.rename(0, "الكلية اليسرى: 70% تضيق في الشريان الكلوي")
+    direction = "field => [getComputedStyle(field).direction, getComputedStyle(field).textAlign, field.scrollLeft]"
+    assert page["class-name-0"].evaluate(direction) == ["rtl", "left", 0]
+    page.keep_picture("a long name in Arabic")
+    page.rename(0, before)
+    assert page["class-name-0"].evaluate(direction) == ["ltr", "left", 0]
+
+
 def test_however_many_warnings_there_are_the_table_of_structures_stays_in_sight(page: AppPage) -> None:
     page.page.set_viewport_size({"width": 1280, "height": 640})
     set_status = "status => window.trame.state.set('status', status)"

@@ -123,6 +123,21 @@ def test_points_are_kept_for_their_user_alone_with_the_scans_path_and_offered_wh
     opened(journey)
 
 
+def test_names_in_arabic_and_hebrew_are_offered_side_by_side_without_changing_places(
+    opened: Callable[[Journey], None], file: Path, folder: Path
+) -> None:
+    async def journey(app: WebApp) -> None:
+        for name in ("كبد 2", "כבד (2)", "liver"):
+            click(app, name)
+        await is_kept(app, folder, 1, 1, 1)
+        await open_again(app, file)
+        assert offered(app)["names"] == ["\u2068كبد 2\u2069", "\u2068כבד (2)\u2069", "liver"]
+        assert app.actions("restorePoints")
+        assert names(app) == ["كبد 2", "כבד (2)", "liver"]
+
+    opened(journey)
+
+
 def test_what_is_discarded_is_gone_and_another_scan_is_offered_nothing(
     opened: Callable[[Journey], None], file: Path, folder: Path, spheres: Spheres
 ) -> None:
