@@ -131,8 +131,7 @@ def keep_annotated_components(
 def _keep_components(labels: np.ndarray, label: int, seeds: np.ndarray) -> None:
     """Remove the components of one label that contain none of the voxels `seeds` (N, 3), unless this would remove all."""
     components = _SlabComponents(labels, label)
-    # Seeds in order of slabs: only one slab's numbers are kept, and they take a quarter of a second to compute.
-    of_seeds = np.array([components.at(seed) for seed in seeds[np.argsort(seeds[:, 0])]], dtype=int)
+    of_seeds = components.at(seeds)
     kept = np.isin(components.groups, components.groups[of_seeds[of_seeds > 0]])
     if not kept.any():
         return
@@ -170,10 +169,15 @@ class _SlabComponents:
         linked = coo_array((np.ones(pairs.shape[1], dtype=bool), pairs), (count + 1, count + 1))
         self.groups: np.ndarray = connected_components(linked, directed=False)[1]
 
-    def at(self, voxel: np.ndarray) -> int:
-        """The number at a voxel (k, j, i)."""
-        slab, k = divmod(int(voxel[0]), self._thickness)
-        return int(self._shifted(slab, self._numbers(slab)[k, voxel[1], voxel[2]]))
+    def at(self, voxels: np.ndarray) -> np.ndarray:
+        """The numbers at voxels (N, 3), which are (k, j, i), as (N,) int."""
+        slabs, k = np.divmod(voxels[:, 0], self._thickness)
+        numbers = np.zeros(len(voxels), dtype=int)
+        # Slab by slab: only one slab's numbers are kept, and they take a quarter of a second to compute.
+        for slab in np.unique(slabs).tolist():
+            here = slabs == slab
+            numbers[here] = self._shifted(slab, self._numbers(slab)[k[here], voxels[here, 1], voxels[here, 2]])
+        return numbers
 
     def parts(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yields the labels of some slices after the other, and their numbers, both (slices, J, I)."""

@@ -60,8 +60,9 @@ def _thin(points_ras: np.ndarray, geometry: Geometry, most: int) -> np.ndarray:
     # Points of a face may be rounded to before it, where no cube, however large, would join them to the others.
     places_mm = np.maximum(geometry.ras_to_ijk(points_ras) + 0.5, 0.0) * geometry.spacing_mm
     while True:
-        _, first = np.unique(cells, axis=0, return_index=True)
+        # Cells by one number each, because NumPy's `unique` of rows takes tens of times as long.
+        _, first = np.unique(np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1)), return_index=True)
         if len(first) <= most:
             return points_ras[np.sort(first)]
-        cells = np.floor(places_mm / edge_mm)
+        cells = np.floor(places_mm / edge_mm).astype(int)
         edge_mm *= _GROWTH
