@@ -176,7 +176,9 @@ def test_a_window_that_shows_nothing_is_refused(
 
 @pytest.mark.parametrize(
     ("name", "stem"),
-    [("a/b", "a_b"), ("Leber, groß", "Leber_ groß"), ("..", "__"), (" ", "_"), ("nul", "_nul"), ("COM1", "_COM1")],
+    [("a/b", "a_b"), ("Leber, groß", "Leber_ groß"), ("..", "__"), (" ", "_"), ("nul", "_nul"), ("COM1", "_COM1")]
+    # Vowels and accents that are characters of their own, in Hindi and Thai, and in names that a Mac decomposed.
+    + [(name, name) for name in ("यकृत", "ตับ", "Dru\u0308se")],
 )
 def test_the_name_of_a_class_becomes_a_file_name_that_every_platform_takes(name: str, stem: str) -> None:
     assert file_stem(name) == stem

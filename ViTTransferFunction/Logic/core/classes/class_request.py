@@ -115,7 +115,7 @@ def check_requests(requests: Sequence[ClassRequest], geometry: Geometry) -> None
     """Raise InputError unless there are classes, their ids differ, and every point lies inside the volume's box."""
     if not requests:
         raise InputError("There are no classes; annotate at least one structure.")
-    id_, count = Counter(request.id for request in requests).most_common(1)[0]
+    id_, count = Counter(composed(request.id) for request in requests).most_common(1)[0]
     if count > 1:
         raise InputError(f"{count} classes are named '{id_}'; give each class a name of its own.")
     check_inside(requests, geometry)
@@ -145,6 +145,11 @@ def _outside_advice(requests: Sequence[ClassRequest], geometry: Geometry) -> str
         if geometry.contains(transform_points(to_ras, points)).all():
             return f'But all points lie inside when read as {called}; if they are that, set "coordinate_system": {to_set}.'
     return "Check the coordinate system of the points, and that they belong to this volume."
+
+
+def composed(name: str) -> str:
+    """A class's name for comparing: letters and their accents in one form of Unicode, since both forms look the same."""
+    return unicodedata.normalize("NFC", name)
 
 
 def check_name(name: str) -> None:

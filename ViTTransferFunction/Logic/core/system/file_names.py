@@ -43,9 +43,14 @@ def with_ending(path: Path, endings: Sequence[str]) -> Path:
 
 def file_stem(name: str) -> str:
     """A class's name as that of a file which no ending is looked for in; the beginning of one that is too long."""
-    stem = "".join(character if character.isalnum() or character in "-_ " else "_" for character in name).strip()
+    stem = "".join(character if _is_in_words(character) or character in "-_ " else "_" for character in name).strip()
     stem = stem.encode()[:LONGEST_NAME_BYTES].decode(errors="ignore").strip()
     return f"_{stem}" if not stem or is_device(stem) else stem
+
+
+def _is_in_words(character: str) -> bool:
+    """Whether it is a letter, a digit, or a mark on one, as vowels of Hindi and Thai are, and accents that stand alone."""
+    return character.isalnum() or unicodedata.category(character).startswith("M")
 
 
 def kept_name(name: str) -> str:

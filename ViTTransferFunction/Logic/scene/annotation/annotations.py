@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import slicer
 
-from ...core.classes.class_request import check_name
+from ...core.classes.class_request import check_name, composed
 from ...core.classes.colors import Color
 from ...core.system.errors import InputError
 from ..classes.class_nodes import (
@@ -236,7 +236,7 @@ def _usable_name(name: str, taken: Collection[str]) -> str:
     if not name:
         raise InputError("A structure needs a name; it keeps the one that it had.")
     check_name(name)
-    if name in taken:
+    if composed(name) in map(composed, taken):
         raise InputError(f"There is a structure called '{name}' already; this one keeps the name that it had.")
     return name
 

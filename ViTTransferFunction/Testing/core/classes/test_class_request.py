@@ -23,6 +23,9 @@ def test_classes_must_exist_differ_in_name_and_lie_inside_the_volume() -> None:
         check_requests([], GEOMETRY)
     with pytest.raises(InputError, match="2 classes are named 'a'"):
         check_requests([inside, inside], GEOMETRY)
+    # One name in two forms of Unicode: an ü, and a u with two dots over it.
+    with pytest.raises(InputError, match="2 classes are named 'Dr\u00fcse'"):
+        check_requests([replace(inside, id=name, name=name) for name in ("Dr\u00fcse", "Dru\u0308se")], GEOMETRY)
     outside = ClassRequest("b", POINTS_RAS, negative=np.array([[1000.0, 0.0, 0.0]]))
     with pytest.raises(InputError, match=r"1 of 3 points of class 'b' lie outside the volume.*1000\.0"):
         check_requests([inside, outside], GEOMETRY)

@@ -215,6 +215,11 @@ def test_no_structure_gets_the_name_of_another_one(session: SceneSession, sphere
     assert session.classes == before
     session.annotations.set_class(first, name="sphere 1 ")
     assert session.classes == before
+    # Nor does one look like another's: an ü, and a u with two dots over it.
+    session.annotations.set_class(first, name="Dr\u00fcse")
+    with pytest.raises(InputError, match="There is a structure called"):
+        session.annotations.set_class(second, name="Dru\u0308se")
+    session.annotations.set_class(first, name="sphere 1")
     for _ in range(2):
         session.annotations.add_class("sphere 1")
     assert [state.name for state in session.classes[3:]] == ["sphere 1 (2)", "sphere 1 (3)"]
