@@ -153,16 +153,19 @@ def print_features(session: SegmentationSession) -> None:
 
 
 def parse_named_paths(values: list[str], option: str) -> dict[str, Path]:
-    """`NAME=PATH` arguments as a dictionary.
+    """`NAME=PATH` arguments as a dictionary, whose names are `composed`.
 
     Raises:
         InputError: one is of another form, or a name comes twice.
     """
+    from ViTTransferFunction.Logic.core.classes.class_request import composed
+
     named: dict[str, Path] = {}
     for value in values:
         name, separator, path = value.partition("=")
         if not (name and separator and path):
             raise InputError(f"{option} {value}: expected NAME=FILE, such as {option} liver=L.mrk.json.")
+        name = composed(name)
         if name in named:
             raise InputError(f"{option} names class '{name}' twice; put its points into one list.")
         named[name] = Path(path)

@@ -15,6 +15,7 @@ import SimpleITK as sitk  # noqa: N813
 import torch
 
 from ViTTransferFunction.CommandLine import app_demo, demo
+from ViTTransferFunction.CommandLine.options import parse_named_paths
 from ViTTransferFunction.CommandLine.vittf import main
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
@@ -274,6 +275,13 @@ def test_unusable_options_are_refused_and_nothing_is_written(
     path, output = points_file(tmp_path, [LEFT]), tmp_path / "out.seg.nrrd"
     assert message in refusal(["segment", str(scan), "--annotations", str(path), "-o", str(output), *options], capsys)
     assert not output.exists()
+
+
+def test_a_name_that_an_option_decomposes_is_that_of_the_other_option() -> None:
+    composed, decomposed = "Dr\u00fcse", "Dru\u0308se"
+    assert parse_named_paths([f"{decomposed}=n.mrk.json"], "--negative") == {composed: Path("n.mrk.json")}
+    with pytest.raises(InputError, match="twice"):
+        parse_named_paths([f"{composed}=a.mrk.json", f"{decomposed}=b.mrk.json"], "--positive")
 
 
 @pytest.mark.parametrize(

@@ -148,7 +148,7 @@ def _outside_advice(requests: Sequence[ClassRequest], geometry: Geometry) -> str
 
 
 def composed(name: str) -> str:
-    """A class's name for comparing: letters and their accents in one form of Unicode, since both forms look the same."""
+    """A class's name with letters and their accents in one form of Unicode (NFC): names that look the same are equal then."""
     return unicodedata.normalize("NFC", name)
 
 
