@@ -270,12 +270,10 @@ def test_why_features_of_a_close_up_are_not_kept_is_told_once_for_all_close_ups(
         for centre in [centre_ras(spheres, label)]
     )
     assert session.not_kept == ""
-    usage = namedtuple("usage", "total used free")
-    free_bytes = 10_000_000
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10**9, 0, free_bytes))
+    set_free_space(monkeypatch, 10_000_000)
     session.look_closer([near])
     assert "disk is full: 10 MB free" in session.not_kept
     # That there is less room now is no news.
-    free_bytes = 5_000_000
+    set_free_space(monkeypatch, 5_000_000)
     session.look_closer([near, far])
     assert "disk is full: 10 MB free" in session.not_kept
