@@ -48,7 +48,8 @@ LARGEST_WEIGHT = 0.8
 """W: the largest w. A positive point has it if it is unlike all points before it and finds very many cells; a negative point,
 if it looks exactly like the first positive point."""
 AS_COMMON = 0.5
-"""A: a point that finds at most A times as many cells as an earlier one is not more common, so its reach is unlimited."""
+"""A: a point that finds at most A times as many cells as an earlier one is not more common, so that its reach is unlimited,
+unless it lies at a rim."""
 RIM_CELLS, DEEP_CELLS = 1.0, 3.0
 """d_0 and d_1, in cells: up to the first distance from the cells that earlier ones find, a point lies at their rim; from the
 second on, it does not."""
