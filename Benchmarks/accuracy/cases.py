@@ -36,6 +36,8 @@ GROUPS = (
 )
 
 ALL_CASES = tuple(case for group in GROUPS for case in group.cases)
+EVERY_PATH_CASES = tuple(case.name for group in GROUPS if group.every_path for case in group.cases)
+"""Names of those that are measured on every path of clicks."""
 
 
 def group_of(case: str) -> CaseGroup:

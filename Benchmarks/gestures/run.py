@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from functools import cached_property, partial
 from typing import Any
 
-from Benchmarks.accuracy.cases import ALL_CASES, GROUPS
+from Benchmarks.accuracy.cases import ALL_CASES, EVERY_PATH_CASES
 from Benchmarks.accuracy.methods import DEFAULT
 from Benchmarks.accuracy.runs import run_with_own_clicks
 from Benchmarks.gestures.report import CLICKS, DIAMETER, WAYS, write_report
@@ -37,7 +37,6 @@ from ViTTransferFunction.Logic.weights.sources import WeightsFile
 PATHS = 3
 FIRST_PATH = 1
 ROUNDS = 5
-CASES = tuple(case.name for group in GROUPS if group.every_path for case in group.cases)
 
 Run = dict[str, Any]
 
@@ -57,7 +56,7 @@ def main() -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = scan_parser(__doc__, CASES, cases=ALL_CASES)
+    parser = scan_parser(__doc__, EVERY_PATH_CASES, cases=ALL_CASES)
     parser.add_argument("--paths", type=int, default=PATHS, help=f"paths of clicks on a volume (default {PATHS})")
     return parser
 

@@ -323,6 +323,20 @@ def test_method_has_what_a_first_gesture_is_worth() -> None:
     ) in one_line("docs/METHOD.md")
 
 
+def test_results_and_readme_have_what_points_placed_at_once_are_worth() -> None:
+    at_once, clicks = summary("points_at_once"), summary("gestures")
+    assert at_once["cases"].keys() == clicks["cases"].keys()
+    of_rows = [at_once["mean"]["points alone"], at_once["mean"]["with one size step"], clicks["mean"]["clicks"]]
+    scans = len(at_once["cases"])
+    rows = list(rows_of("docs/RESULTS.md", f"| mean of the {scans} | 1 | 3 | 5 |"))
+    assert [cells for _, *cells in rows] == [[figure(of_row[n], None) for n in ("1", "3", "5")] for of_row in of_rows]
+    corrected, five_at_once = figure(of_rows[2]["3"], None), figure(of_rows[0]["5"], None)
+    assert (
+        f"On {scans} scans, three such clicks reach a mean Dice of {corrected}, and five points that were placed without "
+        f"looking in between {five_at_once} ("
+    ) in one_line("README.md")
+
+
 def test_results_say_on_how_many_scans_an_outline_is_ahead() -> None:
     firsts = [{way: of_case[way]["1"] for way in BEGUN_WITH.values()} for of_case in summary("gestures")["cases"].values()]
     clicks, diameters = (sum(first["outline"][0] > first[way][0] for first in firsts) for way in ("clicks", "diameter"))
