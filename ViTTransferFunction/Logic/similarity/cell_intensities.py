@@ -34,6 +34,7 @@ class CellIntensities:
         cells: the grid of the feature cells, which covers the volume's box.
 
     Attributes:
+        cells: the same.
         centres_ras: centres of all cells, (cells, 3) RAS millimetres.
         drawn: indices of all cells in a fixed random order, (cells,).
         cdf: the cumulative distribution of the volume's intensities.
@@ -46,7 +47,7 @@ class CellIntensities:
     """
 
     def __init__(self, volume: Volume, cells: Geometry) -> None:
-        self._cells = cells
+        self.cells = cells
         # In a second thread, because both this and the rest read all voxels.
         with ThreadPoolExecutor(1) as beside:
             in_blocks = beside.submit(_in_blocks, volume, cells)
@@ -65,8 +66,12 @@ class CellIntensities:
 
     def are_of(self, cells: Geometry) -> bool:
         """Whether these are intensities on this grid of cells."""
-        mine = self._cells
-        return mine.shape == cells.shape and np.array_equal(mine.ijk_to_ras, cells.ijk_to_ras)
+        return self.cells.shape == cells.shape and np.array_equal(self.cells.ijk_to_ras, cells.ijk_to_ras)
+
+    def cells_at(self, points_ras: np.ndarray) -> np.ndarray:
+        """Indices of the cells that contain the points (P, 3), or of the nearest ones, (P,)."""
+        indices: np.ndarray = np.ravel_multi_index(tuple(self.cells.nearest_voxels(points_ras).T), self.cells.shape)
+        return indices
 
 
 def _in_blocks(volume: Volume, cells: Geometry) -> tuple[IntensityBlocks, ConnectedPoints]:

@@ -25,12 +25,10 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ..core.classes.class_request import ClassRequest, different_places
+from ..core.classes.class_request import ClassRequest
 from ..core.classes.iso_proposals import IsoProposals
 from ..core.system.progress import Between, nothing_between, one_at_a_time
 from ..core.system.side_thread import Finish, side_thread
-from ..core.volumes.orientation import canonical_orientation
-from ..core.volumes.resampling import FixedPlaces, sample_at
 from ..core.volumes.volume import Volume
 from ..core.volumes.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
@@ -38,16 +36,7 @@ from .annotated_points import BACKGROUND_RIDGE, AnnotatedPoints, annotated_point
 from .cell_intensities import CellIntensities
 from .closed_structures import raise_within
 from .connected_points import between_points, point_factors, shares
-from .iso_value import (
-    STABILITY_SAMPLES,
-    Components,
-    choose_iso_by_edges,
-    choose_refined_iso,
-    prior_iso,
-    proposals_around,
-    raised_prior,
-    refined_prior,
-)
+from .iso_chooser import IsoChooser
 from .kernel_rows import KernelRows
 from .place_kernel import POSITION_SIGMA, CellKernel, Places, place_kernel
 from .point_reach import PointReach, points_before
@@ -58,9 +47,6 @@ BACKGROUND_CELLS = 100
 BACKGROUND_ROUNDS = 3
 BACKGROUND_LIMIT = 0.12
 """Random cells in which a class exceeds this are assumed to lie in it, and dropped, in at most `BACKGROUND_ROUNDS` rounds."""
-AROUND_CELLS = 2 / 3
-"""A negative point is evidence about the whole structure only if the map is high in its own cell and at this distance from the
-point, in cells, along each axis. The distance is less than a cell, so that only the nearer neighbours count."""
 
 
 class KernelRidge:
@@ -74,10 +60,10 @@ class KernelRidge:
 
     def __init__(self, features: NormalisedFeatures, volume: Volume, intensities: CellIntensities | None = None) -> None:
         self._features = features
-        self._volume_geometry = volume.geometry
         self._intensities = intensities or CellIntensities(volume, features.geometry)
         self._cdf = self._intensities.cdf
         self._connected = self._intensities.connected
+        self._iso_chooser = IsoChooser(self._intensities, volume.geometry)
         centres = self._intensities.centres_ras
         self._centre_ras = centres.mean(axis=0)
         self._sigma_mm = POSITION_SIGMA * volume.longest_edge_mm
@@ -121,12 +107,7 @@ class KernelRidge:
 
     def iso(self, coarse: SimilarityMap, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """See `SimilarityRule`."""
-        assert coarse.prior is not None
-        at_positives = sample_at(coarse.array[..., None], self._features.geometry, requests[index].positive)
-        similarity = coarse.array.ravel()[self._intensities.iso_cells]
-        components = self._components(requests, index)
-        iso = choose_iso_by_edges(similarity, self._intensities.edge_strength, at_positives, coarse.prior, components)
-        return proposals_around(iso, at_positives)
+        return self._iso_chooser.iso(coarse, requests, index)
 
     def refined_iso(
         self,
@@ -137,17 +118,7 @@ class KernelRidge:
         between: Between = nothing_between,
     ) -> IsoProposals:
         """See `SimilarityRule`."""
-        assert coarse.prior is not None
-        positive = requests[index].positive
-        at_positives = similarity.at(self._volume_geometry, positive)
-        at_cells = similarity.at_cells(self._intensities.iso_cells, self._iso_cells_in_volume)
-        coarse_at_positives = sample_at(coarse.array[..., None], self._features.geometry, positive)
-        prior = refined_prior(coarse.prior, coarse_at_positives, at_positives)
-        edge_strength = self._intensities.edge_strength
-        components = self._components(requests, index)
-        spread = similarity.spread(STABILITY_SAMPLES, canonical_orientation(self._volume_geometry))
-        iso = choose_refined_iso(spread, at_cells, edge_strength, at_positives, prior, components, between)
-        return proposals_around(iso, at_positives)
+        return self._iso_chooser.refined_iso(similarity, coarse, requests, index, between)
 
     def _solve(self, annotated: AnnotatedPoints, finish_joining: Finish, between: Between) -> _Solution:
         """Compute the kernels of new points, and solve for α.
@@ -160,7 +131,7 @@ class KernelRidge:
         points = self._looked_at(annotated)
         rows = self._written_rows(points, finish_joining, between)
         finish_joining()
-        joined = between_points(self._connected.at(points.keys, self._cells_at(annotated.points_ras)))
+        joined = between_points(self._connected.at(points.keys, self._intensities.cells_at(annotated.points_ras)))
         share = shares(annotated.points_ras, joined, annotated.classes, annotated.positive)
         weights, without_negatives = self._weights(points, joined, share, between)
         return _Solution(points, rows, share, weights, without_negatives)
@@ -289,46 +260,11 @@ class KernelRidge:
         closed = self._intensities.components.closed(requests, index)
         if closed is not None:
             raise_within(closed, scores)
-        prior = self._prior(requests[index], without_negatives)
+        prior = self._iso_chooser.prior(requests[index], partial(self._rows.weighted_at, without_negatives))
         return SimilarityMap(scores.reshape(self._features.geometry.shape), prior)
-
-    def _prior(self, request: ClassRequest, weights: np.ndarray) -> float:
-        """The prior of a class's iso value, from its points.
-
-        Args:
-            request: the class.
-            weights: weights of rows for the class's map without negative points, (rows,).
-        """
-        count = _different_positives(request)
-        prior = prior_iso(count)
-        if not len(request.negative):
-            return prior
-        around = self._cells_around(np.unique(request.negative, axis=0))
-        lowest = self._rows.weighted_at(weights, around.ravel()).reshape(around.shape).min(axis=1)
-        return raised_prior(prior, np.clip(lowest, 0.0, 1.0), count)
-
-    def _cells_around(self, points_ras: np.ndarray) -> np.ndarray:
-        """Indices of the cells of points (P, 3) and of the places `AROUND_CELLS` from each along the axes, (P, 7)."""
-        axes_ras = AROUND_CELLS * self._features.geometry.ijk_to_ras[:3, :3].T
-        steps_ras = np.concatenate([np.zeros((1, 3)), axes_ras, -axes_ras])
-        return self._cells_at((points_ras[:, None] + steps_ras).reshape(-1, 3)).reshape(-1, len(steps_ras))
-
-    def _components(self, requests: Sequence[ClassRequest], index: int) -> Components:
-        return Components(self._intensities.components.of_class(requests, index), _different_positives(requests[index]))
-
-    @cached_property
-    def _iso_cells_in_volume(self) -> FixedPlaces:
-        # Computed at the first refinement, so that the first map does not have to wait for it.
-        return FixedPlaces(self._volume_geometry, self._intensities.centres_ras[self._intensities.iso_cells])
 
     def _places(self, features: np.ndarray, positions_ras: np.ndarray) -> Places:
         return Places(features, self._centred(positions_ras), self._cdf.around(positions_ras, self._features.geometry))
-
-    def _cells_at(self, points_ras: np.ndarray) -> np.ndarray:
-        """Indices of the cells that contain the points (P, 3), or of the nearest ones, (P,)."""
-        geometry = self._features.geometry
-        cells: np.ndarray = np.ravel_multi_index(tuple(geometry.nearest_voxels(points_ras).T), geometry.shape)
-        return cells
 
     def _centred(self, positions_ras: np.ndarray) -> np.ndarray:
         """Positions in units of σ_x relative to the volume's centre, so that float32 is exact enough far from the origin."""
@@ -349,10 +285,6 @@ def _row_keys(keys: Sequence[bytes], before: Mapping[int, np.ndarray], positive:
 def _in_turns(classes: int, first: int | None) -> list[list[int]]:
     """Groups of classes whose maps are computed together; class `first` is a group of its own, which takes the least time."""
     return [[first], [index for index in range(classes) if index != first]] if first is not None else [list(range(classes))]
-
-
-def _different_positives(request: ClassRequest) -> int:
-    return len(different_places(request.positive))
 
 
 @dataclass(frozen=True, eq=False)

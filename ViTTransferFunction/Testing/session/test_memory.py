@@ -21,7 +21,7 @@ from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.session.settings import SessionSettings
-from ViTTransferFunction.Logic.similarity import kernel_ridge
+from ViTTransferFunction.Logic.similarity import iso_chooser
 from ViTTransferFunction.Testing.support.allocation import peak_bytes
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.spheres import Spheres
@@ -42,7 +42,7 @@ def organ() -> tuple[Volume, np.ndarray]:
 @pytest.fixture
 def session(organ: tuple[Volume, np.ndarray], monkeypatch: pytest.MonkeyPatch) -> SegmentationSession:
     """A session on it. Samples of a map, which large volumes have no more of, are few."""
-    monkeypatch.setattr(kernel_ridge, "STABILITY_SAMPLES", 10_000)
+    monkeypatch.setattr(iso_chooser, "STABILITY_SAMPLES", 10_000)
     volume, truth = organ
     session = SegmentationSession(volume, PRESETS[DEFAULT_PRESET])
     cells = truth.reshape(12, 8, 15, 8, 16, 8).mean(axis=(1, 3, 5))

@@ -274,11 +274,9 @@ def test_a_point_on_the_border_between_cells_is_joined_to_its_own_cell() -> None
     generator = np.random.default_rng(0)
     # Five voxels for two cells: every fifth voxel centre lies on a border.
     volume = Volume(generator.normal(0.0, 100.0, (20, 20, 20)), Geometry((20, 20, 20), np.eye(4)))
-    features = FeatureVolume(generator.normal(size=(8, 8, 8, 6)), volume.geometry.resized((8, 8, 8)), "key")
-    intensities = CellIntensities(volume, features.geometry)
-    rule = KernelRidge(normalised_features(features, "whitened"), volume, intensities)
+    intensities = CellIntensities(volume, volume.geometry.resized((8, 8, 8)))
     points = np.array([[float(i), float(j), float(k)] for i in (2, 7, 12) for j in (2, 7, 12) for k in (2, 7, 12)])
-    own = np.diag(intensities.connected.at(intensities.connected.update(points), rule._cells_at(points)))
+    own = np.diag(intensities.connected.at(intensities.connected.update(points), intensities.cells_at(points)))
     assert own.min() > 0.9
 
 
