@@ -5,7 +5,7 @@ from __future__ import annotations
 import slicer
 
 from .annotation.annotations import SceneAnnotations
-from .annotation.other_segments import OtherSegments
+from .annotation.continued_segments import ContinuedSegments
 from .annotation.selected_class import SelectedClass
 from .interface.notices import Notices
 from .interface.parameters import SceneParameters
@@ -19,7 +19,7 @@ class ScanChange:
     Args:
         parameters: say which volume and segmentation are chosen.
         annotations: hold the classes of all volumes.
-        other_segments: of the segmentation that is chosen.
+        continued_segments: those that were chosen lie in the volume before.
         problems: what they told of the structures of one volume does not concern the next.
         selected: which class.
         notices: front ends hear of another volume when all of it is there.
@@ -29,14 +29,14 @@ class ScanChange:
         self,
         parameters: SceneParameters,
         annotations: SceneAnnotations,
-        other_segments: OtherSegments,
+        continued_segments: ContinuedSegments,
         problems: Problems,
         selected: SelectedClass,
         notices: Notices,
     ) -> None:
         self._parameters = parameters
         self._annotations = annotations
-        self._other_segments = other_segments
+        self._continued_segments = continued_segments
         self._problems = problems
         self._selected = selected
         self._notices = notices
@@ -55,7 +55,7 @@ class ScanChange:
         if left is not None and selected is not None:
             self._selected_last[left.GetID()] = selected.id
         when_left = self._annotations.leave()
-        self._other_segments.drop_continued()
+        self._continued_segments.forget()
         with self._notices.one():
             self._problems.solve("segments", "close-up")
             if node is not None:

@@ -16,17 +16,16 @@ import slicer
 
 from ..compute.client import ComputeClient
 from ..compute.proxy import Event, Phase, SegmentationProxy
-from ..core.system.errors import InputError
 from ..core.system.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
 from .annotation.annotations import SceneAnnotations
 from .annotation.asked_maps import AskedMaps
 from .annotation.close_up_hints import CloseUpHints
 from .annotation.close_ups import SceneCloseUps
+from .annotation.continued_segments import ContinuedSegments
 from .annotation.file_classes import FileClasses
 from .annotation.left_behind import LeftBehind
 from .annotation.other_scans import OtherScans
-from .annotation.other_segments import OtherSegments
 from .annotation.regions import SceneRegions
 from .annotation.scan_of_points import ScanOfPoints
 from .annotation.selected_class import SelectedClass
@@ -44,6 +43,7 @@ from .scan_change import ScanChange
 from .scene_watch import SceneWatch
 from .segments.frame_segments import FrameSegments
 from .segments.scene_segments import SceneSegments
+from .segments.segment_points import SegmentPoints
 from .tools.points_in_3d import PointsIn3D
 from .views.awaited_answer import AwaitedAnswer, Waiting
 from .views.session_views import SessionViews
@@ -100,7 +100,7 @@ class SceneSession:
         self._volume = OpenedVolume(self.parameters, self._proxy, self._problems, self._former_model)
         self.views = SessionViews(scene, app_logic, self.parameters, self._proxy, self._problems, self._notices, windows_3d)
         self._tour = PointTour(scene)
-        self._other_segments = OtherSegments(scene, self.parameters)
+        self._segment_points = SegmentPoints(scene)
         self._points_in_3d = PointsIn3D(app_logic, points_3d, self._tell_of_nothing_hit)
         self.annotations = SceneAnnotations(
             scene,
@@ -114,11 +114,20 @@ class SceneSession:
         self.shown = ShownStructures(
             scene, app_logic, self.parameters, self.annotations, self.selection, self._volume, self._proxy
         )
+        self._continued_segments = ContinuedSegments(
+            scene,
+            self.parameters,
+            self.annotations,
+            self.selection,
+            self._segment_points,
+            self._problems,
+            self._notices,
+        )
         self._scan_change = ScanChange(
-            self.parameters, self.annotations, self._other_segments, self._problems, self.selection, self._notices
+            self.parameters, self.annotations, self._continued_segments, self._problems, self.selection, self._notices
         )
         self._maps = AskedMaps(
-            self.parameters, self.annotations, self.selection, self._volume, self._other_segments, self._proxy
+            self.parameters, self.annotations, self.selection, self._volume, self._segment_points, self._proxy
         )
         self.segments = SceneSegments(
             scene,
@@ -201,7 +210,8 @@ class SceneSession:
             self._proxy.busy
             or self.views.pending
             or self.segments.busy
-            or self._other_segments.busy
+            or self._segment_points.busy
+            or self._continued_segments.busy
             or self._segments_changed
             or self.volume_changed
         )
@@ -295,9 +305,7 @@ class SceneSession:
 
     def continue_segment(self, segment_id: str) -> None:
         """Create a class with points in a segment of the chosen segmentation, to improve it; `poll` finds the points."""
-        self._other_segments.choose_continued(segment_id)
-        self._use_segment_points()
-        self._notices.tell()
+        self._continued_segments.choose(segment_id)
 
     def chosen_iso(self, id_: str) -> float | None:
         """The current iso value of a class, chosen automatically or set; None if the class has no map yet."""
@@ -428,11 +436,12 @@ class SceneSession:
                 self.close_ups.look_at(id_, close_up)
 
     def _search_in_segments(self) -> bool:
-        """Continue to search for points in other segments; returns whether the chosen segmentation has changed."""
-        searched = self._other_segments.busy and self._other_segments.advance()
+        """Continue to search for points in segments; returns whether the chosen segmentation has changed."""
+        found = self._segment_points.busy and self._segment_points.advance()
         changed, self._segments_changed = self._segments_changed, False
-        if searched or changed:
-            self._use_segment_points()
+        if found or changed or self._continued_segments.busy:
+            self._continued_segments.begin()
+            self._maps.ask()
         return changed
 
     def _look_at_points(self) -> bool:
@@ -493,7 +502,8 @@ class SceneSession:
         self._left_behind.forget()
         self._scan_of_points.forget()
         self.close_up_hints.forget()
-        self._other_segments.forget()
+        self._segment_points.forget()
+        self._continued_segments.forget()
 
     def _on_segments(self) -> None:
         # Left to the next poll, since these calls come in bursts.
@@ -503,16 +513,6 @@ class SceneSession:
         """Show the current maps; returns whether this changed what slice views show."""
         return self.views.show(self.classes, self.selected_class, self._maps.requests, stale=self.volume_changed)
 
-    def _use_segment_points(self) -> None:
-        """Use the points in segments that have been found so far."""
-        try:
-            while (begun := self._other_segments.begin_continued(self.annotations)) is not None:
-                self.select_class(begun.id)
-        except InputError as error:
-            self._report(str(error))
-            self._segments_changed = True  # There may be more segments, which the next poll handles.
-        self._maps.ask()
-
     def _take_problem(self) -> None:
         if error := self._proxy.take_error():
             self._problems.put("computing", error)
@@ -521,7 +521,3 @@ class SceneSession:
                 self._problems.put("cache", self._proxy.not_kept)
             else:
                 self._problems.solve("cache")
-
-    def _report(self, message: str) -> None:
-        self._problems.put("segments", message)
-        self._notices.tell()
