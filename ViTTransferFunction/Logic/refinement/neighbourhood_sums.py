@@ -1,4 +1,7 @@
-"""How much of each voxel's neighbourhood is inside a mask: G * m, with G a Gaussian of one voxel, in whole numbers."""
+"""How much of each voxel's neighbourhood is inside a mask: G * m, for a mask m and a Gaussian G with σ of one voxel.
+
+G is approximated by binomial coefficients (`WEIGHTS` along each axis), so that all sums are integers.
+"""
 
 from __future__ import annotations
 
@@ -15,21 +18,32 @@ if TYPE_CHECKING:
     from .workers import Workers
 
 WEIGHTS = (1, 4, 6, 4, 1)
-"""G along each axis."""
+"""G along each axis, times 16."""
 REACH = len(WEIGHTS) // 2
-"""Voxels to either side that G reaches."""
+"""How far G reaches along each axis, in voxels to either side."""
 WHOLE = sum(WEIGHTS) ** 3
-"""The sum of G's weights."""
+"""The sum of all weights, 4096: the result where a neighbourhood is entirely inside the mask."""
 _VOXELS_AT_ONCE = 2**17
-"""So many stay near the processor."""
+"""Sums are computed for this many voxels at a time, so that intermediate results stay in the processor's cache."""
 _CHANGES_AT_ONCE = 2**12
-"""So many take five megabytes."""
+"""Updates are computed for this many changed voxels at a time; their arrays take 5 MB."""
 _VOXELS_PER_CHANGE = 50
-"""Where more than one in so many voxels has changed, sums are as soon found anew."""
+"""If more than one in this many voxels has changed, computing all sums again takes no longer than updating them."""
 
 
 def neighbourhood_sums(mask: Tensor, workers: Workers) -> Tensor:
-    """G * m of a mask (K, J, I) uint8, times `WHOLE`, int16; beyond its faces, m goes on as it is there."""
+    """G * m, times `WHOLE`; beyond the faces of the mask, m has the value of the nearest voxel.
+
+    Args:
+        mask: (K, J, I) uint8, 0 or 1.
+        workers: compute the sums.
+
+    Returns:
+        (K, J, I) int16, 0 to `WHOLE`.
+
+    Raises:
+        Cancelled: by `workers.between`.
+    """
     import torch
 
     sums = torch.empty(mask.shape, dtype=torch.int16)
@@ -45,13 +59,19 @@ def neighbourhood_sums(mask: Tensor, workers: Workers) -> Tensor:
 
 
 def updated_sums(sums: Tensor, mask: Tensor, changed: np.ndarray, workers: Workers) -> Tensor:
-    """The sums of a mask of which some voxels have changed: the same as `neighbourhood_sums`, mostly much sooner.
+    """The sums of a mask after some of its voxels have changed: the result of `neighbourhood_sums`, usually much faster.
 
     Args:
-        sums: (K, J, I) int16, those before; they are changed.
-        mask: (K, J, I) uint8, as it is now.
-        changed: (N,) which of its voxels, flattened, were others before.
-        workers: that find all sums where many have changed.
+        sums: (K, J, I) int16, the sums before the change; may be changed in place.
+        mask: (K, J, I) uint8, 0 or 1, after the change.
+        changed: indices of the voxels that have changed, in the flattened mask, (N,), each once.
+        workers: compute all sums again if many voxels have changed.
+
+    Returns:
+        (K, J, I) int16, 0 to `WHOLE`: `sums`, or a new tensor.
+
+    Raises:
+        Cancelled: by `workers.between`; `sums` may then be updated in part.
     """
     if len(changed) * _VOXELS_PER_CHANGE > mask.numel():
         return neighbourhood_sums(mask, workers)
@@ -65,14 +85,21 @@ def updated_sums(sums: Tensor, mask: Tensor, changed: np.ndarray, workers: Worke
         some = slice(start, start + _CHANGES_AT_ONCE)
         k, j, i = (table[at] for table, at in zip(tables, np.unravel_index(changed[some], mask.shape), strict=True))
         changes = (signs[some, None] * k)[:, :, None, None] * (j[:, :, None] * i[:, None])[:, None]
-        # What would lie beyond the mask gets nothing, wherever it is put.
+        # Voxels beyond the mask have a change of 0, so that any index within it will do.
         reached = (changed[some, None] + offsets).clip(0, mask.numel() - 1)
         sums.view(-1).scatter_add_(0, tensor_of(reached.ravel()), tensor_of(changes.ravel()))
     return sums
 
 
 def _reached(count: int) -> np.ndarray:
-    """With which weight each voxel of a row counts for those around it, (count, 2 REACH + 1) int16; 0 beyond the row."""
+    """The weight of each voxel of a row in the sums of the voxels around it.
+
+    Args:
+        count: length of the row.
+
+    Returns:
+        (count, 2 REACH + 1) int16, by voxel and by the step to the voxel whose sum it is in; 0 where that is beyond the row.
+    """
     reached = np.zeros((count, len(WEIGHTS)), dtype=np.int16)
     for step, weight in enumerate(WEIGHTS, start=-REACH):
         of = np.arange(count)
@@ -82,7 +109,7 @@ def _reached(count: int) -> np.ndarray:
 
 
 def _sums_of(mask: Tensor, layers: slice) -> Tensor:
-    """Those of some layers, (layers, J, I)."""
+    """The sums in some layers (first axis) of a mask, (layers, J, I) int16."""
     import torch
 
     sums = mask[torch.arange(layers.start - REACH, layers.stop + REACH).clamp_(0, len(mask) - 1)]
@@ -90,13 +117,13 @@ def _sums_of(mask: Tensor, layers: slice) -> Tensor:
         if axis:
             n = sums.shape[axis]
             sums = sums.index_select(axis, torch.arange(-REACH, n + REACH).clamp_(0, n - 1))
-        # Bytes hold the first axis's sums, up to 16, and no others.
+        # The sums along the first axis, up to 16, fit into uint8; the others do not.
         sums = _sums_along(sums, axis).to(torch.int16)
     return sums
 
 
 def _sums_along(values: Tensor, axis: int) -> Tensor:
-    """Weighted sums along an axis, of which those are left that have all five."""
+    """Weighted sums of five values along an axis, which gets shorter by 2 REACH: only complete sums are returned."""
     n = values.shape[axis] - 2 * REACH
     first, second, middle, fourth, last = (values.narrow(axis, start, n) for start in range(2 * REACH + 1))
     return (first + last).add_(second + fourth, alpha=WEIGHTS[1]).add_(middle, alpha=WEIGHTS[2])
