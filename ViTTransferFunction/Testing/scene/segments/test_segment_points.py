@@ -172,6 +172,23 @@ def test_segments_that_are_chosen_one_right_after_the_other_are_all_continued(
     assert ["'empty' is empty" in error for error in told if error] == [True]
 
 
+def test_a_segment_waits_for_the_points_of_one_that_was_chosen_before(
+    session: SceneSession, a_segmentation: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    liver = add_segment(a_segmentation, "liver", block(1, 3), OBLIQUE)
+    spleen = add_segment(a_segmentation, "spleen", block(3, 5), OBLIQUE)
+    of, not_found = SegmentPoints.of, [liver]
+    monkeypatch.setattr(SegmentPoints, "of", lambda points, *of_what: None if of_what[1] in not_found else of(points, *of_what))
+    for segment_id in (liver, spleen):
+        session.continue_segment(segment_id)
+    session.wait()
+    assert not session.classes
+    not_found.clear()
+    session.continue_segment(spleen)
+    session.wait()
+    assert [state.name for state in session.classes] == ["liver", "spleen"]
+
+
 def test_an_empty_segment_cannot_be_continued(session: SceneSession, a_segmentation: Any) -> None:
     session.continue_segment(add_segment(a_segmentation, "liver", np.zeros(SHAPE, dtype=bool), OBLIQUE))
     session.wait()
