@@ -67,6 +67,32 @@ async def receive_files(request: web.Request, folder: Path) -> list[Path]:
 
 
 async def _receive(request: web.Request, folder: Path, received: list[Path]) -> None:
+    """Write the files to `folder`, and append those that can be opened to `received`; see `receive_files`."""
+    foreign, has_slices = await _written(request, folder, received)
+    if not are_points(received):
+        for path in [path for path in received if are_points([path])]:
+            foreign = foreign or path.name
+            received.remove(path)
+            _remove(path)
+    if foreign and not has_slices:
+        check_no_archive(_harmless(foreign))
+        raise InputError(
+            f"{shown(PurePosixPath(foreign).name)} is of no known format; expected DICOM, NIfTI (.nii, .nii.gz), NRRD (.nrrd), "
+            "MetaImage (.mha), a saved session (.mrb), or points by themselves (.annotations.json)."
+        )
+    if not received:
+        raise InputError("No file was sent.")
+
+
+async def _written(request: web.Request, folder: Path, received: list[Path]) -> tuple[str, bool]:
+    """Write the files to `folder`, and append those of known kinds to `received`; others are removed again.
+
+    Returns:
+        The name of the first file of no known kind, "" if there is none; and whether there are slices of DICOM.
+
+    Raises:
+        InputError: the files are too large or too many, or do not arrive whole.
+    """
     total, foreign, has_slices = 0, "", False
     try:
         reader = await request.multipart()
@@ -92,19 +118,7 @@ async def _receive(request: web.Request, folder: Path, received: list[Path]) -> 
         raise
     except (ValueError, HttpProcessingError, web.RequestPayloadError, ConnectionError) as error:
         raise InputError("The files did not arrive whole; send them again.") from error
-    if not are_points(received):
-        for path in [path for path in received if are_points([path])]:
-            foreign = foreign or path.name
-            received.remove(path)
-            _remove(path)
-    if foreign and not has_slices:
-        check_no_archive(_harmless(foreign))
-        raise InputError(
-            f"{shown(PurePosixPath(foreign).name)} is of no known format; expected DICOM, NIfTI (.nii, .nii.gz), NRRD (.nrrd), "
-            "MetaImage (.mha), a saved session (.mrb), or points by themselves (.annotations.json)."
-        )
-    if not received:
-        raise InputError("No file was sent.")
+    return foreign, has_slices
 
 
 def _remove(path: Path) -> None:

@@ -97,17 +97,8 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
     # Only for NIfTI files: ITK keeps NIfTI fields in other formats, although the image may have been moved or cropped since.
     if reader == NIFTI_READER:
         warn_of_place(path, image, geometry, on_warning)
-    if not is_dicom and not says_spacing(path):
-        on_warning(
-            f"{path.name} does not say how far apart its voxels are: 1 mm is taken, as 3D Slicer does. If that is wrong, "
-            "so are all volumes and distances; save it again with its spacing."
-        )
-    if not is_dicom and not says_sides(path):
-        on_warning(
-            f"{path.name} does not say how it lies in the patient: its first axis is taken for the one to the left, the second "
-            "for the one to the back, and the third for the one to the head, as 3D Slicer does. Left and right may be "
-            "exchanged: check the sides, or save it again from its source."
-        )
+    if not is_dicom:
+        _warn_of_assumed_place(path, on_warning)
     _check_millimetres(geometry, path, on_warning)
     array = _voxels(image)
     if not is_folder(path) and (stored := locate_voxels(path)):
@@ -188,6 +179,21 @@ def _check_no_segmentation(path: Path) -> None:
     if start.startswith(b"NRRD") and _SEGMENT.search(start, 0, len(start) if end < 0 else end):
         raise InputError(
             f"{path} is a segmentation; expected the scan that it is of. Open the file that the scan was read from."
+        )
+
+
+def _warn_of_assumed_place(path: Path, on_warning: Callable[[str], None]) -> None:
+    """Warn if a header does not give spacing or orientation."""
+    if not says_spacing(path):
+        on_warning(
+            f"{path.name} does not say how far apart its voxels are: 1 mm is taken, as 3D Slicer does. If that is wrong, "
+            "so are all volumes and distances; save it again with its spacing."
+        )
+    if not says_sides(path):
+        on_warning(
+            f"{path.name} does not say how it lies in the patient: its first axis is taken for the one to the left, the second "
+            "for the one to the back, and the third for the one to the head, as 3D Slicer does. Left and right may be "
+            "exchanged: check the sides, or save it again from its source."
         )
 
 
