@@ -47,6 +47,8 @@ SMALLEST_EXTENT_MM = 0.05
 LIKELY_EXTENT_MM = 2.0
 """Shorter images get a warning: they may be a body in metres, or a specimen with voxels of less than a micrometre."""
 
+LIKELY_LONGEST_MM = 3000.0
+"""Longer images get a warning: no patient is so long, and a tooth in micrometres may be."""
 LARGEST_EXTENT_MM = 1e5
 """Longer images are refused: this is about the length of a mouse in micrometres."""
 
@@ -76,8 +78,8 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
         path: an image file, or a folder that contains a DICOM series, also in subfolders.
         on_warning: called with a message for each of these: slices were resampled, or seem to be missing; other series and
             files of the folder were skipped, since they are not volumes; a header does not give spacing or orientation, or
-            other programs read it differently (`warn_of_place`); intensities were inverted; the image may be in metres; it
-            looks like a label map.
+            other programs read it differently (`warn_of_place`); intensities were inverted; the image may be in metres or
+            micrometres; it looks like a label map.
         series: the series to read, in the form that `choose_series` takes; None: the only one that can be a volume.
 
     Raises:
@@ -204,16 +206,16 @@ def _says_labels(image: sitk.Image) -> bool:
 def _check_millimetres(geometry: Geometry, path: Path, on_warning: Callable[[str], None]) -> None:
     """Refuse or warn of images in other units than millimetres: distances and volumes would all be wrong."""
     longest_mm = float(geometry.extent_mm.max())
-    if LIKELY_EXTENT_MM <= longest_mm <= LARGEST_EXTENT_MM:
+    if LIKELY_EXTENT_MM <= longest_mm <= LIKELY_LONGEST_MM:
         return
     spacing = " × ".join(f"{mm:g}" for mm in geometry.spacing_mm)
-    if SMALLEST_EXTENT_MM <= longest_mm < LIKELY_EXTENT_MM:
+    unit = "metres" if longest_mm < LIKELY_EXTENT_MM else "micrometres"
+    if SMALLEST_EXTENT_MM <= longest_mm <= LARGEST_EXTENT_MM:
         on_warning(
-            f"{path.name} is {longest_mm:.3g} mm long, with a spacing of {spacing} mm. If it was saved in metres, all volumes "
+            f"{path.name} is {longest_mm:g} mm long, with a spacing of {spacing} mm. If it was saved in {unit}, all volumes "
             "and distances are wrong: save it in millimetres."
         )
         return
-    unit = "metres" if longest_mm < SMALLEST_EXTENT_MM else "micrometres"
     raise InputError(
         f"{path} is {longest_mm:g} mm long, with a spacing of {spacing} mm; expected {SMALLEST_EXTENT_MM:g} to "
         f"{LARGEST_EXTENT_MM:g} mm. If it was saved in {unit}, save it in millimetres."

@@ -258,6 +258,21 @@ def test_a_specimen_under_a_microscope_is_read_and_where_it_may_be_a_body_in_met
     assert told == [True] * warned
 
 
+@pytest.mark.parametrize(("spacing", "warned"), [(200.0, False), (300.0, True), (9000.0, True)])
+@pytest.mark.parametrize("ending", [".nii", ".nrrd", ".mha"])
+def test_a_scan_longer_than_any_patient_may_be_in_micrometres_and_one_is_told(
+    tmp_path: Path, ending: str, spacing: float, warned: bool
+) -> None:
+    """A tooth of a micro-CT, say, with voxels of 10 µm that were saved as 10: it would be metres long."""
+    image = sitk.GetImageFromArray(VOXELS)
+    image.SetSpacing([spacing] * 3)
+    sitk.WriteImage(image, str(tmp_path / f"scan{ending}"))
+    warnings: list[str] = []
+    read_volume(tmp_path / f"scan{ending}", warnings.append)
+    told = [f"is {11 * spacing:g} mm long" in text and "saved in micrometres" in text for text in warnings]
+    assert told == [True] * warned
+
+
 @pytest.mark.parametrize(
     "vectors",
     ["(nan,0,0) (0,1,0) (0,0,1)", "(0,0,0) (0,1,0) (0,0,1)", "(1,0,0) (1,0,0) (0,0,1)", "(1e400,0,0) (0,1,0) (0,0,1)"],
