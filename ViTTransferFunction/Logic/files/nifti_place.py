@@ -79,18 +79,18 @@ def _codes(header: bytes, order: str) -> tuple[int, int]:
 
 
 def warn_of_place(path: Path, image: sitk.Image, geometry: Geometry, on_warning: Callable[[str], None]) -> None:
-    """Warn where ITK, and so Slicer, has a scan elsewhere than its `sform` or other programs do, of one reason at most.
+    """Warn where ITK, and so Slicer, has a scan elsewhere or larger than its `sform` or other programs, of one reason at most.
 
     Args:
         path: of the NIfTI file.
         image: as ITK read it.
         geometry: of the image.
-        on_warning: is told how far off positions are, or along which axes it is mirrored.
+        on_warning: is told how far off positions are, along which axes it is mirrored, or which two sizes its voxels have.
     """
     told = _mirrored(image)
     sform = _sform(image)
     if not told and sform is not None:
-        told = _lost_shift(image, sform) or _other_place(image, sform, geometry)
+        told = _lost_shift(image, sform) or _other_size(image, sform) or _other_place(image, sform, geometry)
     if told:
         on_warning(f"{path}{told}")
 
@@ -131,12 +131,35 @@ def _lost_shift(image: sitk.Image, sform: np.ndarray) -> str:
     )
 
 
+def _other_size(image: sitk.Image, sform: np.ndarray) -> str:
+    """What to tell where voxels have another size by `sform` than by `pixdim`, which ITK takes it from whatever `sform` says.
+
+    Nothing of a `sform` that enlarges the scan onto an atlas, and stands beside a `qform` of the scanner.
+    """
+    if image.GetMetaData("qform_code") != "0" and image.GetMetaData("sform_code") != str(SCANNER):
+        return ""
+    sizes_mm, by_sform_mm = np.array(image.GetSpacing()[:3]), np.linalg.norm(sform[:, :3], axis=0) * _in_a_unit_mm(image)
+    off_mm = np.abs(by_sform_mm - sizes_mm) * (np.array(image.GetSize()[:3]) - 1)
+    if off_mm.max() <= LARGEST_DEVIATION * sizes_mm.min():
+        return ""
+    stated, other = (" × ".join(f"{mm:.4g}" for mm in sizes) for sizes in (sizes_mm, by_sform_mm))
+    return (
+        f" has voxels of two sizes by its header: {stated} mm in pixdim, and {other} mm by its sform. It is read with those of "
+        "pixdim, as 3D Slicer does. If these are not what it was taken at, all volumes and distances are wrong: save it again "
+        "from its source."
+    )
+
+
+def _in_a_unit_mm(image: sitk.Image) -> float:
+    """Millimetres in a unit of length of the header."""
+    return _UNITS_MM.get(int(image.GetMetaData("xyzt_units")) & _UNIT_OF_SPACE, 1.0)
+
+
 def _other_place(image: sitk.Image, sform: np.ndarray, geometry: Geometry) -> str:
     """What to tell where ITK goes by a `qform` that leads elsewhere, as after a registration to another scan by SPM."""
-    in_a_unit_mm = _UNITS_MM.get(int(image.GetMetaData("xyzt_units")) & _UNIT_OF_SPACE, 1.0)
     last = np.array(geometry.shape[::-1]) - 1
     corners = np.array(list(product(*((0, index) for index in last))), dtype=float)
-    by_sform = (corners @ sform[:, :3].T + sform[:, 3]) * in_a_unit_mm
+    by_sform = (corners @ sform[:, :3].T + sform[:, 3]) * _in_a_unit_mm(image)
     off_mm = float(np.linalg.norm(by_sform - geometry.ijk_to_ras_points(corners), axis=1).max())
     if off_mm <= LARGEST_DEVIATION * float(geometry.spacing_mm.min()):
         return ""

@@ -134,6 +134,31 @@ def test_of_a_rotation_that_leads_elsewhere_than_the_matrix_there_is_a_warning(
     read_volume(written(tmp_path, srow=moved, sform_code=2, qoffset=moved[:, 3], **in_place), pytest.fail)
 
 
+@pytest.mark.parametrize(("units", "in_a_millimetre"), [(METRES, 1e-3), (MILLIMETRES, 1.0)])
+@pytest.mark.parametrize("codes", [(0, 1), (0, 2), (1, 1)], ids=str)
+def test_of_voxels_that_have_two_sizes_there_is_a_warning_that_tells_both(
+    tmp_path: Path, codes: tuple[int, int], units: int, in_a_millimetre: float
+) -> None:
+    """As from programs that write a matrix and leave 1 mm in place of the sizes, by which ITK goes whatever the matrix says."""
+    larger = np.array([[0.8, 0.0, 0.0, 4.0], [0.0, 0.8, 0.0, -3.0], [0.0, 0.0, 3.0, 0.0]]) * in_a_millimetre
+    sizes = np.array([1.0, 1.0, 3.0]) * in_a_millimetre
+    fields = {"xyzt_units": units, "pixdim": [1, *sizes, 0, 0, 0, 0], "qform_code": codes[0], "quatern": [0.0, 0.0, 0.0]}
+    warnings: list[str] = []
+
+    volume = read_volume(written(tmp_path, srow=larger, sform_code=codes[1], **fields), warnings.append)
+
+    np.testing.assert_allclose(volume.geometry.spacing_mm, [1.0, 1.0, 3.0], rtol=1e-6)
+    told = "voxels of two sizes by its header: 1 × 1 × 3 mm in pixdim, and 0.8 × 0.8 × 3 mm by its sform"
+    assert [told in text for text in warnings] == [True]
+
+
+def test_a_matrix_that_enlarges_a_scan_onto_an_atlas_is_a_second_place_and_no_second_size(tmp_path: Path) -> None:
+    onto_atlas = np.array([[1.2, 0.0, 0.0, 0.0], [0.0, 1.2, 0.0, 0.0], [0.0, 0.0, 3.3, 0.0]])
+    warnings: list[str] = []
+    read_volume(written(tmp_path, srow=onto_atlas, sform_code=4, qform_code=1), warnings.append)
+    assert ["two places by its header" in text for text in warnings] == [True]
+
+
 def test_what_a_header_said_before_the_image_was_moved_and_saved_in_another_format_does_not_count(tmp_path: Path) -> None:
     """ITK writes all of it into NRRD."""
     image = sitk.ReadImage(str(written(tmp_path)))
