@@ -13,7 +13,7 @@ import numpy as np
 from ..core.system.errors import InputError
 from ..core.system.regular_file import check_length, check_regular_file
 from .dicom_kind import instead_of_scan
-from .dicom_slice import DicomSlice, heights, read_slice, turned
+from .dicom_slice import DicomSlice, heights, pixel_digest, read_slice, turned
 from .file_start import DICOM_START_BYTES, is_dicom_start, read_start
 from .itk_errors import last_line
 from .volumes_of_series import IMAGE_TYPE, TRAITS, volumes_of_series
@@ -121,7 +121,7 @@ def holds_dicom(folder: Path) -> bool:
 
 
 def read_content(folder: Path) -> FolderContent:
-    """Read the headers of all DICOM files that `series_files` finds. Of identical files, only one is used.
+    """Read the headers of all DICOM files that `series_files` finds. Of copies of a slice, only one is used.
 
     Raises:
         InputError: a folder or file cannot be read, there are far too many files, or an entry is neither file nor folder.
@@ -138,7 +138,8 @@ def read_content(folder: Path) -> FolderContent:
             by_uid.setdefault(found.series_uid, []).append(found)
         elif _is_dicom(path):
             unread[path] = found
-    series = (each for slices in by_uid.values() for each in _volumes(list(_without_copies(slices)), folder))
+    once = (_without_second_exports(_without_copies(slices)) for slices in by_uid.values())
+    series = (each for slices in once for each in _volumes(slices, folder))
     slices = [one.path for ones in by_uid.values() for one in ones]
     return FolderContent(sorted(series, key=_rank), unread, _empty_beside(slices))
 
@@ -183,6 +184,25 @@ def _without_copies(slices: Iterable[DicomSlice]) -> Iterator[DicomSlice]:
         if not any(filecmp.cmp(one.path, other, shallow=False) for other in others):
             others.append(one.path)
             yield one
+
+
+def _without_second_exports(slices: Iterable[DicomSlice]) -> list[DicomSlice]:
+    """Slices without those that an archive has written again with other headers: of one UID, place, traits and pixels.
+
+    Only if all of these are equal it is certainly no other phase or echo, whose outermost slices may be empty alike.
+    """
+    alike: dict[tuple[object, ...], list[DicomSlice]] = {}
+    for one in slices:
+        unlike = () if one.instance_uid and one.size[2] == 1 else (one.path,)
+        alike.setdefault((one.instance_uid, *one.position, *one.traits.values(), *unlike), []).append(one)
+    return [one for ones in alike.values() for one in (ones if len(ones) == 1 else _of_different_pixels(ones))]
+
+
+def _of_different_pixels(slices: list[DicomSlice]) -> Iterable[DicomSlice]:
+    first: dict[bytes, DicomSlice] = {}
+    for one in slices:
+        first.setdefault(pixel_digest(one.path), one)
+    return first.values()
 
 
 def _volumes(slices: list[DicomSlice], folder: Path) -> list[DicomSeries]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,6 +39,7 @@ class DicomSlice:
         kind: ITK's pixel type. It may differ between slices, since each may have its own scaling, as in PET.
         components: numbers per pixel; more than one in colour images.
         is_inverted: whether the lowest number is white (MONOCHROME1). ITK, and therefore Slicer, inverts such intensities.
+        instance_uid: (0008,0018), of which there is no other image; "" if it was removed.
         series_uid: (0020,000E); "" if it was removed.
         series_number: (0020,0011), or "".
         description: of the series, (0008,103E), or "".
@@ -55,6 +58,7 @@ class DicomSlice:
     kind: int
     components: int
     is_inverted: bool
+    instance_uid: str
     series_uid: str
     series_number: str
     description: str
@@ -91,6 +95,7 @@ def read_slice(path: Path, traits: Sequence[str] = ()) -> DicomSlice:
         reader.GetPixelID(),
         reader.GetNumberOfComponents(),
         text_of(reader, "0028|0004") == "MONOCHROME1",
+        text_of(reader, "0008|0018"),
         text_of(reader, "0020|000e"),
         text_of(reader, "0020|0011"),
         text_of(reader, "0008|103e"),
@@ -99,6 +104,18 @@ def read_slice(path: Path, traits: Sequence[str] = ()) -> DicomSlice:
         instead_of_scan(path, reader),
         {tag: text_of(reader, tag) for tag in traits},
     )
+
+
+def pixel_digest(path: Path) -> bytes:
+    """SHA-256 of a slice's intensities, however they are stored; of its path where they cannot be read."""
+    reader = sitk.ImageFileReader()
+    reader.SetImageIO(DICOM_READER)
+    reader.SetFileName(str(path))
+    try:
+        intensities = sitk.GetArrayFromImage(reader.Execute()).astype(np.float64)
+    except RuntimeError:
+        return hashlib.sha256(os.fsencode(path)).digest()
+    return hashlib.sha256(intensities.tobytes()).digest()
 
 
 def check_may_be_scan(path: Path, on_warning: Callable[[str], None]) -> None:

@@ -105,6 +105,28 @@ def test_copies_of_slices_are_passed_over(tmp_path: Path) -> None:
     np.testing.assert_array_equal(twice.geometry.ijk_to_ras, once.geometry.ijk_to_ras)
 
 
+def test_slices_that_were_exported_twice_with_other_headers_are_read_once(tmp_path: Path) -> None:
+    """As from two archives, which write their own names into the same slices."""
+    write_dicom(tmp_path / "first", stack())
+    once = read_volume(tmp_path, pytest.fail)
+    write_dicom(tmp_path / "second", stack(), about={"0008|0080": "another hospital"})
+    twice = read_volume(tmp_path, pytest.fail)
+    np.testing.assert_array_equal(twice.array, once.array)
+    np.testing.assert_array_equal(twice.geometry.ijk_to_ras, once.geometry.ijk_to_ras)
+
+
+@pytest.mark.parametrize(
+    "about",
+    [{"0008|0018": "1.2.826.0.1.3680043.2.1125.1.3.99"}, {"0008|0018": ""}, {"0018|0081": "4.6"}],
+    ids=["other UID", "no UID", "other echo time"],
+)
+def test_slices_of_equal_pixels_that_may_be_others_are_no_copies(tmp_path: Path, about: dict[str, str]) -> None:
+    """As the empty ones at the ends of several echoes are."""
+    write_dicom(tmp_path / "first", stack(), about={"0018|0081": "2.3"} | {tag: "" for tag in about if not about[tag]})
+    write_dicom(tmp_path / "second", stack(), about={"0018|0081": "2.3", "0008|0080": "another hospital"} | about)
+    assert sum(len(series.slices) for series in read_content(tmp_path).series) == 16
+
+
 def test_of_time_points_none_is_read_to_its_end_to_tell_it_from_another(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
