@@ -130,17 +130,17 @@ def read_content(folder: Path) -> FolderContent:
         # GDCM would open a pipe, for example, and wait for ever.
         if not entry.is_dir():
             check_regular_file(entry)
-    by_uid: dict[str, list[DicomSlice]] = {}
+    by_series: dict[tuple[str, ...], list[DicomSlice]] = {}
     unread: dict[Path, str] = {}
     for path in series_files(folder):
         found = _slice_or_reason(path)
         if isinstance(found, DicomSlice):
-            by_uid.setdefault(found.series_uid, []).append(found)
+            by_series.setdefault(_series_of(found), []).append(found)
         elif _is_dicom(path):
             unread[path] = found
-    once = (_without_second_exports(_without_copies(slices)) for slices in by_uid.values())
+    once = (_without_second_exports(_without_copies(slices)) for slices in by_series.values())
     series = (each for slices in once for each in _volumes(slices, folder))
-    slices = [one.path for ones in by_uid.values() for one in ones]
+    slices = [one.path for ones in by_series.values() for one in ones]
     return FolderContent(sorted(series, key=_rank), unread, _empty_beside(slices))
 
 
@@ -150,6 +150,15 @@ def is_of_system(name: str) -> bool:
     Beside each file that a Mac copies to a shared disk or a memory stick, it puts one with the same name after `._`.
     """
     return name.startswith("._") or name.lower() in _FILES_OF_SYSTEMS
+
+
+def _series_of(one: DicomSlice) -> tuple[str, ...]:
+    """What slices of one series have in common.
+
+    Programs that take names out of headers may also remove UIDs, or make those of a whole study equal.
+    """
+    other = () if one.series_uid else (one.description, one.modality, one.date)
+    return one.series_uid, one.series_number, *other
 
 
 def _empty_beside(slices: list[Path]) -> list[Path]:

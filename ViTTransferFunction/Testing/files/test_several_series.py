@@ -38,6 +38,12 @@ def write_series(folder: Path, number: str, description: str, slices: int = 4, s
         path.rename(path.with_name(f"{about.get('study', '')}{path.name}"))
 
 
+def higher(mm: float, brighter: int = 0) -> Scan:
+    """`stack()` moved upwards, with higher intensities."""
+    scan = stack()
+    return Scan(scan.array + brighter, scan.spacing, scan.direction, np.array([0.0, 0.0, mm]), scan.inside)
+
+
 def write_two(folder: Path) -> None:
     write_series(folder, "2", "T1 axial", 3)
     write_series(folder, "12", "T2 axial", 5)
@@ -105,6 +111,27 @@ def test_series_that_are_called_alike_are_told_apart_by_their_dates_and_as_the_l
     )  # fmt: skip
     for wanted in refusal.value.lines:
         read(tmp_path, wanted)
+
+
+@pytest.mark.parametrize("uid", ["", "1.2.3"], ids=["removed", "equal"])
+@pytest.mark.parametrize("half_mm", [0.0, 1.5])
+def test_series_whose_uids_were_removed_or_made_equal_are_not_mixed(tmp_path: Path, uid: str, half_mm: float) -> None:
+    """As by programs that take names out; of reconstructions between each other's slices, a volume of both would be made."""
+    for number, description in ((2, "Thorax"), (3, "Lung")):
+        about = {"0020|000e": uid, "0020|0011": str(number), "0008|103e": description}
+        write_dicom(tmp_path, higher(half_mm * number, brighter=number), first=100 * number, about=about)
+    with pytest.raises(SeveralSeries) as refusal:
+        read_volume(tmp_path)
+    assert refusal.value.lines == ("2: Thorax (CT, 7×6×8)", "3: Lung (CT, 7×6×8)")
+    np.testing.assert_array_equal(read(tmp_path, "Lung")[0].array, stack().array + 3)
+
+
+@pytest.mark.parametrize("tag", ["0008|103e", "0008|0060", "0008|0021"], ids=["description", "modality", "date"])
+def test_series_without_uids_and_numbers_are_told_apart_by_whatever_there_is(tmp_path: Path, tag: str) -> None:
+    for first, value in ((0, "20240131"), (9, "20240201")):
+        write_dicom(tmp_path, higher(1.5 * first), first=first, about={"0020|000e": "", "0020|0011": "", tag: value})
+    with pytest.raises(SeveralSeries, match="2 DICOM volumes to choose from"):
+        read_volume(tmp_path)
 
 
 @pytest.mark.parametrize(
