@@ -13,7 +13,7 @@ import numpy as np
 from ..core.system.errors import InputError
 from ..core.system.regular_file import check_length, check_regular_file
 from .dicom_kind import instead_of_scan
-from .dicom_slice import DicomSlice, heights, pixel_digest, read_slice, turned
+from .dicom_slice import CUT_OFF, DicomSlice, heights, pixel_digest, read_slice, turned
 from .file_start import DICOM_START_BYTES, is_dicom_start, read_start
 from .itk_errors import last_line
 from .volumes_of_series import IMAGE_TYPE, TRAITS, volumes_of_series
@@ -174,7 +174,8 @@ def _holds_nothing(file: Path) -> bool:
 
 def _slice_or_reason(path: Path) -> DicomSlice | str:
     try:
-        return read_slice(path, [trait.tag for trait in TRAITS])
+        found = read_slice(path, [trait.tag for trait in TRAITS])
+        return f"{path.name} {CUT_OFF}" if found.is_cut_off else found
     except RuntimeError as error:
         return f"{path.name} {_why_unread(path, last_line(error))}"
 

@@ -13,7 +13,7 @@ import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
 from ..core.system.errors import InputError
-from .dicom_encoding import require_memory_to_unpack
+from .dicom_encoding import lacks_pixels, require_memory_to_unpack
 from .dicom_frames import LARGEST_TURN, ORIENTATION, PIXEL_SIZE, POSITION, says_of_frames
 from .dicom_kind import instead_of_scan
 from .dicom_text import text_of
@@ -21,6 +21,9 @@ from .image_formats import DICOM_READER
 
 ROUNDED_DIRECTION = 0.05
 """Tolerance between the stated components of a direction and those of the unit vector that ITK made of it."""
+
+CUT_OFF = "is cut off: it has fewer pixels than its header promises. Copy or export it again."
+"""The end of a sentence that begins with a file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +40,7 @@ class DicomSlice:
         unsaid: which of `POSITION`, `ORIENTATION` and `PIXEL_SIZE` the header lacks or states with invalid values, both where
             slices state them and where frames do. ITK assumes 0, axial, and 1 mm instead.
         kind: ITK's pixel type. It may differ between slices, since each may have its own scaling, as in PET.
+        is_cut_off: whether it has fewer pixels than the header promises, in place of which ITK reads anything.
         components: numbers per pixel; more than one in colour images.
         is_inverted: whether the lowest number is white (MONOCHROME1). ITK, and therefore Slicer, inverts such intensities.
         instance_uid: (0008,0018), of which there is no other image; "" if it was removed.
@@ -56,6 +60,7 @@ class DicomSlice:
     pixel_mm: np.ndarray
     unsaid: frozenset[str]
     kind: int
+    is_cut_off: bool
     components: int
     is_inverted: bool
     instance_uid: str
@@ -93,6 +98,7 @@ def read_slice(path: Path, traits: Sequence[str] = ()) -> DicomSlice:
         _pixel_mm(reader),
         frozenset(tag for tag in _unsaid(reader) if not says_of_frames(path, tag)),
         reader.GetPixelID(),
+        _is_cut_off(reader, path),
         reader.GetNumberOfComponents(),
         text_of(reader, "0028|0004") == "MONOCHROME1",
         text_of(reader, "0008|0018"),
@@ -136,6 +142,8 @@ def check_may_be_scan(path: Path, on_warning: Callable[[str], None]) -> None:
         return
     if found.instead:
         raise InputError(f"{path} is {found.instead}")
+    if found.is_cut_off:
+        raise InputError(f"{path} {CUT_OFF}")
     warn_of_inversion(path, [found], on_warning)
 
 
@@ -171,6 +179,14 @@ def number_of(text: str) -> float | None:
         return float(text)
     except ValueError:
         return None
+
+
+def _is_cut_off(reader: sitk.ImageFileReader, path: Path) -> bool:
+    # Pixels of several numbers may be stored as fewer.
+    if text_of(reader, "0028|0002") != "1":
+        return False
+    bits = number_of(text_of(reader, "0028|0100")) or 0.0
+    return lacks_pixels(path, int(math.prod(reader.GetSize()[:3]) * bits / 8.0))
 
 
 def _unsaid(reader: sitk.ImageFileReader) -> Iterator[str]:

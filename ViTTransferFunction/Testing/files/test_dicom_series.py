@@ -209,6 +209,36 @@ def test_a_series_whose_last_slice_was_cut_off_is_read_with_a_warning(
     assert f"without a slice that can be read: 1, such as {files[-1].name}" in caplog.text
 
 
+def shorten_pixels(file: Path) -> None:
+    """As where a program has read a file that was cut off, and written what there was: 8 bytes are missing."""
+    content = file.read_bytes()
+    tag = content.rindex(b"\xe0\x7f\x10\x00")
+    begin = tag + (8 if content[tag + 4 : tag + 6] == b"OW" else 4)
+    length = int.from_bytes(content[begin : begin + 4], "little") - 8
+    file.write_bytes(content[:begin] + length.to_bytes(4, "little") + content[begin + 4 : -8])
+
+
+def test_a_slice_with_fewer_pixels_than_it_promises_is_passed_over_with_a_warning(tmp_path: Path) -> None:
+    """ITK makes pixels of whatever lies in memory behind them."""
+    shorten_pixels(write_dicom(tmp_path, stack())[-1])
+    warnings: list[str] = []
+    np.testing.assert_array_equal(read_volume(tmp_path, warnings.append).array, stack().array[:-1])
+    assert ["without a slice that can be read: 1, such as 007.dcm" in text for text in warnings] == [True]
+
+
+@pytest.mark.parametrize("alone", [True, False], ids=["a file", "a folder"])
+@pytest.mark.parametrize("frames", [True, False], ids=["frames, types explicit", "slice, types implicit"])
+def test_where_all_slices_have_too_few_pixels_the_reason_is_said(tmp_path: Path, frames: bool, alone: bool) -> None:
+    file = tmp_path / "000.dcm"
+    if frames:
+        write_frames(file, [0.0, 2.0, 4.0])
+    else:
+        write_dicom(tmp_path, stack(1))
+    shorten_pixels(file)
+    with pytest.raises(InputError, match=r"000\.dcm is cut off: it has fewer pixels than its header promises"):
+        read_volume(file if alone else tmp_path)
+
+
 @pytest.mark.parametrize("left", [b"", bytes(100), bytes(3000), None], ids=["nothing", "zeros", "many zeros", "a link"])
 @pytest.mark.parametrize("below", ["", "CT"])
 def test_a_series_whose_last_slice_was_not_copied_but_by_its_name_is_read_with_a_warning(
