@@ -85,7 +85,9 @@ class Desk:
         self.until(lambda: self.session.estimate is not None)
 
     def close(self) -> None:
-        """End the application."""
+        """Close the scene, and end the application."""
+        # Otherwise the panel would keep the points as unsaved, and offer them the next time, also on the app's picture.
+        slicer.mrmlScene.Clear(False)
         self._host.close()
 
     def compute_features(self) -> None:
