@@ -24,9 +24,9 @@ COLUMNS = (
 
 
 def write_report(report: dict[str, Any], pictures: Pictures, folder: Path) -> None:
-    """Write topology.json, topology.md and topology.png."""
+    """Write topology.json, topology.md and topology.webp."""
     write_results(folder, "topology", {**report, "summary": summary(report)}, _text(report))
-    _plot(pictures, folder / "topology.png")
+    _plot(pictures, folder / "topology.webp")
 
 
 def summary(report: dict[str, Any]) -> dict[str, Any]:
@@ -52,7 +52,7 @@ def _text(report: dict[str, Any]) -> str:
         "Voxels touch by faces, edges and corners. In parentheses the true Euler number. Noise is in percent of the shape's "
         "brightness.",
         table([*shape_header, "features, s"], map(_shape_row, report["shapes"])),
-        "![Middle slices](topology.png)",
+        "![Middle slices](topology.webp)",
         "## Thin structures against a 1D transfer function",
         "Distance in voxels between the two boundaries, over both.",
         table(detail_header, map(_detail_row, report["details"])),

@@ -3,7 +3,7 @@
 The two experiments of the paper's appendix. First, are a sphere and a torus recovered without holes and handles, and what do
 features of slices across one axis alone make of them? Second, how far is the boundary of thin structures from that of a
 hand-made 1D transfer function? In both, the simulated clicker corrects the largest error, and the method is the default one.
-Writes `topology.json`, `topology.md` and `topology.png`.
+Writes `topology.json`, `topology.md` and `topology.webp`.
 """
 
 from __future__ import annotations

@@ -125,4 +125,4 @@ def test_the_report_names_what_was_found_and_what_is_true(tmp_path: Path) -> Non
     summary = json.loads((tmp_path / "topology.json").read_text(encoding="utf-8"))["summary"]
     assert summary["euler"] == {"torus, noise 0": 1}
     assert summary["boundary_distance_voxels"] == {"enamel": 0.4}
-    assert (tmp_path / "topology.png").stat().st_size > 0
+    assert (tmp_path / "topology.webp").stat().st_size > 0
