@@ -8,6 +8,8 @@ measured is kept in a folder and not measured again. Writes `points_at_once.json
 
 from __future__ import annotations
 
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 from Benchmarks.accuracy.cases import ALL_CASES, EVERY_PATH_CASES
@@ -20,7 +22,7 @@ from Benchmarks.points_at_once.report import ALONE, COUNTS, STEPPED, write_repor
 from Benchmarks.shared.arguments import scan_parser, weights_of
 from Benchmarks.shared.click_sequence import ClickSequence
 from Benchmarks.shared.kept_results import KeptResults
-from Benchmarks.shared.labelled_cases import LabelledVolume
+from Benchmarks.shared.labelled_cases import LabelledCase, LabelledVolume
 from Benchmarks.shared.machine import machine
 from Benchmarks.shared.other_cases import cases_there
 from Benchmarks.shared.sessions import load_features, session_on
@@ -39,13 +41,14 @@ def main() -> None:
     kept = KeptResults(options.keep)
     runs: list[Run] = []
     for case in cases:
-        found = kept.get(f"points at once, {case.name}", lambda: measured(case.read(options.volumes), weights))  # noqa: B023
+        found = kept.get(f"points at once, {case.name}", partial(measured, case, options.volumes, weights))
         runs += [{"case": case.name, "way": way, "rounds": rounds} for way, rounds in found.items()]
     write_report({"model": weights.model.name, "machine": machine()}, runs, options.results)
 
 
-def measured(labelled: LabelledVolume, weights: WeightsFile) -> dict[str, Rounds]:
+def measured(case: LabelledCase, folder: Path, weights: WeightsFile) -> dict[str, Rounds]:
     """Metrics of every structure by the number of points, by these alone and with one step of size."""
+    labelled = case.read(folder)
     features, points = load_features(labelled.volume, weights), points_of(labelled)
     return {
         ALONE: run_on_clicks(labelled, DEFAULT.segmenter(labelled.volume, features), points, COUNTS),
