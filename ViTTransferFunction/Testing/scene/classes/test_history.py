@@ -8,7 +8,7 @@ from ViTTransferFunction.Logic.scene.classes.history import LIMIT, AnnotationHis
 def test_undo_goes_back_step_by_step_and_redo_forward() -> None:
     history = AnnotationHistory("a")
     history.record("b")
-    history.record("c")
+    assert history.record("c")
     assert [history.undo(), history.undo(), history.redo(), history.redo()] == ["b", "a", "b", "c"]
 
 
@@ -18,6 +18,9 @@ def test_there_is_nothing_beyond_either_end() -> None:
     assert history.undo() == "a"
     assert not history.can_redo
     assert history.redo() == "a"
+    history.record("b")
+    history.undo()
+    assert history.can_redo
 
 
 def test_what_was_undone_is_forgotten_when_something_else_is_done() -> None:
@@ -62,6 +65,26 @@ def test_an_undo_is_never_merged_into_the_step_before() -> None:
     history.undo()
     history.record(2, kind="slider")
     assert history.undo() == 0
+
+
+def test_an_undo_ends_a_row_of_steps() -> None:
+    history = AnnotationHistory(0)
+    history.record(1)
+    for value in (2, 3):
+        history.record(value, kind="slider")
+    assert history.undo() == 1
+    history.record(4, kind="slider")
+    assert history.undo() == 1
+
+
+def test_what_comparisons_do_not_see_is_brought_back_as_it_was_last() -> None:
+    history: AnnotationHistory[float] = AnnotationHistory(0.0)
+    history.record(-0.0)
+    history.record(1.0)
+    assert str(history.undo()) == "-0.0"
+    for value in (1.0, 0.0):
+        history.record(value, kind="slider")
+    assert str(history.redo()) == "0.0"
 
 
 def test_an_equal_state_is_no_step() -> None:
