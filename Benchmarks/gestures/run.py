@@ -20,14 +20,13 @@ from Benchmarks.accuracy.cases import ALL_CASES, EVERY_PATH_CASES
 from Benchmarks.accuracy.methods import DEFAULT
 from Benchmarks.accuracy.runs import run_with_own_clicks
 from Benchmarks.gestures.report import CLICKS, DIAMETER, WAYS, write_report
-from Benchmarks.own_scans.own_scan import OwnScan, own_scan_names
+from Benchmarks.own_scans.own_scan import asked_and_own
 from Benchmarks.shared.aim import Aim, persons_aims
 from Benchmarks.shared.arguments import scan_parser, weights_of
 from Benchmarks.shared.drawn_gestures import drawn_diameter, drawn_outline
 from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.machine import machine
-from Benchmarks.shared.other_cases import cases_there
 from Benchmarks.shared.sessions import load_features
 from Benchmarks.shared.simulated_clicker import Gesture, first_click
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
@@ -44,8 +43,7 @@ Run = dict[str, Any]
 def main() -> None:
     """Measure on every case, and write what was measured."""
     options = _parser().parse_args()
-    asked = [case for case in ALL_CASES if case.name in options.cases]
-    cases = cases_there(asked, options.volumes, [OwnScan(name) for name in own_scan_names(options.volumes)])
+    cases = asked_and_own(ALL_CASES, options)
     weights = weights_of(options)
     runs: list[Run] = []
     for case in cases:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from Benchmarks.shared.every_structure import LEAST_VOXELS
-from Benchmarks.shared.labelled_cases import LabelledVolume
+from Benchmarks.shared.labelled_cases import LabelledCase, LabelledVolume
+from Benchmarks.shared.other_cases import cases_there
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes.resampling import resample_labels
 from ViTTransferFunction.Logic.files.image_formats import SEGMENTATION_ENDING, VOLUME_ENDINGS, volume_ending
@@ -72,3 +75,13 @@ def own_scans(folder: Path) -> list[OwnScan]:
             f"{folder} has no NAME{SEGMENTATION_ENDING}; put scans there, NAME.nii.gz, and a segmentation beside each."
         )
     return [OwnScan(name) for name in names]
+
+
+def asked_and_own(cases: Sequence[LabelledCase], options: argparse.Namespace) -> list[LabelledCase]:
+    """Of labelled cases, those that the command line asks for and that are there; then all scans of the user's own.
+
+    Raises:
+        InputError: that is none at all.
+    """
+    asked = [case for case in cases if case.name in options.cases]
+    return cases_there(asked, options.volumes, [OwnScan(name) for name in own_scan_names(options.volumes)])

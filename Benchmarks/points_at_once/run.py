@@ -16,7 +16,7 @@ from Benchmarks.accuracy.cases import ALL_CASES, EVERY_PATH_CASES
 from Benchmarks.accuracy.methods import DEFAULT
 from Benchmarks.accuracy.runs import Rounds, run_on_clicks
 from Benchmarks.accuracy.size_steps import run_size_steps
-from Benchmarks.own_scans.own_scan import OwnScan, own_scan_names
+from Benchmarks.own_scans.own_scan import asked_and_own
 from Benchmarks.points_at_once.deep_points import deep_points
 from Benchmarks.points_at_once.report import ALONE, COUNTS, STEPPED, write_report
 from Benchmarks.shared.arguments import scan_parser, weights_of
@@ -24,7 +24,6 @@ from Benchmarks.shared.click_sequence import ClickSequence
 from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import LabelledCase, LabelledVolume
 from Benchmarks.shared.machine import machine
-from Benchmarks.shared.other_cases import cases_there
 from Benchmarks.shared.sessions import load_features, session_on
 from Benchmarks.shared.simulated_clicker import Click
 from ViTTransferFunction.Logic.weights.sources import WeightsFile
@@ -35,8 +34,7 @@ Run = dict[str, Any]
 def main() -> None:
     """Measure on every case, and write what was measured."""
     options = scan_parser(__doc__, EVERY_PATH_CASES, cases=ALL_CASES).parse_args()
-    asked = [case for case in ALL_CASES if case.name in options.cases]
-    cases = cases_there(asked, options.volumes, [OwnScan(name) for name in own_scan_names(options.volumes)])
+    cases = asked_and_own(ALL_CASES, options)
     weights = weights_of(options)
     kept = KeptResults(options.keep)
     runs: list[Run] = []

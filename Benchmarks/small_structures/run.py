@@ -24,7 +24,7 @@ from scipy import ndimage
 
 from Benchmarks.accuracy.runs import run_with_own_clicks
 from Benchmarks.close_up.looking_user import LookingUser, shown_maps
-from Benchmarks.own_scans.own_scan import OwnScan, own_scan_names
+from Benchmarks.own_scans.own_scan import asked_and_own
 from Benchmarks.shared.aim import Aim, persons_aims
 from Benchmarks.shared.arguments import scan_parser, weights_of
 from Benchmarks.shared.drawn_gestures import drawn_outline, outline_mm
@@ -32,7 +32,6 @@ from Benchmarks.shared.every_structure import EVERY_STRUCTURE
 from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import LabelledVolume, classes_of
 from Benchmarks.shared.machine import machine
-from Benchmarks.shared.other_cases import cases_there
 from Benchmarks.shared.regions import largest_component
 from Benchmarks.shared.simulated_clicker import Gesture
 from Benchmarks.small_structures.report import CLOSELY, MUCH, SLICES, WAYS, write_report
@@ -62,8 +61,7 @@ def main() -> None:
     parser = scan_parser(__doc__, [case.name for case in EVERY_STRUCTURE], cases=EVERY_STRUCTURE)
     parser.add_argument("--paths", type=int, default=PATHS, help=f"paths of clicks on a structure (default {PATHS})")
     options = parser.parse_args()
-    asked = [case for case in EVERY_STRUCTURE if case.name in options.cases]
-    cases = cases_there(asked, options.volumes, [OwnScan(name) for name in own_scan_names(options.volumes)])
+    cases = asked_and_own(EVERY_STRUCTURE, options)
     weights, kept = weights_of(options), KeptResults(options.keep)
     runs: list[Run] = []
     for case in cases:
