@@ -96,10 +96,18 @@ def _share(sums: np.ndarray) -> np.ndarray:
 
 
 def _marks(points_ras: np.ndarray, inside: bool, box: Box, volume: Volume, voxels: VoxelMap) -> list[Mark]:
-    """What points (N, 3) say of places in a box of the volume."""
-    radius_k, radius_j, radius_i = (MARKED_CELLS * edge for edge in cell_voxels(voxels.shape, voxels.coarse.shape))
+    """What points (N, 3) say of places in a box of the volume.
+
+    Of hundreds of points of other classes, few say anything of it.
+    """
+    radii = MARKED_CELLS * np.array(cell_voxels(voxels.shape, voxels.coarse.shape))
     # A point on a face of the volume, or rounded to a little beyond, lies in the voxel before it.
     faces = np.array(volume.shape) - 0.5
     in_volume = np.clip(volume.geometry.off_borders(points_ras), -0.5, np.nextafter(faces, 0.0))
     centres = in_volume - [extent.start for extent in box]
-    return [Mark((k, j, i), (radius_k, radius_j, radius_i), inside) for k, j, i in centres.tolist()]
+    # The voxel of a point is marked however small the radii are.
+    reach = np.maximum(radii, 1.0)
+    last = np.array([extent.stop - extent.start - 1 for extent in box])
+    near = ((centres >= -reach) & (centres <= last + reach)).all(axis=1)
+    radius_k, radius_j, radius_i = radii.tolist()
+    return [Mark((k, j, i), (radius_k, radius_j, radius_i), inside) for k, j, i in centres[near].tolist()]

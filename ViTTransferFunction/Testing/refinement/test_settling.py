@@ -13,8 +13,10 @@ from ViTTransferFunction.Logic.core.volumes.bounding_box import whole_box
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volumes.orientation import AS_STORED, Orientation
 from ViTTransferFunction.Logic.core.volumes.voxel_map import VoxelMap
+from ViTTransferFunction.Logic.refinement import settling
 from ViTTransferFunction.Logic.refinement.refinement import refine
 from ViTTransferFunction.Logic.refinement.settling import settle
+from ViTTransferFunction.Logic.refinement.threshold_dynamics import Mark
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.volumes import stored_as, volume_of
 
@@ -90,6 +92,38 @@ def test_points_lie_on_their_own_side() -> None:
     assert not inside[27, 20, 20]
     assert inside[20, 33, 20]
     assert inside[20, 20, 20]
+
+
+def test_points_away_from_a_structure_are_left_out_and_those_whose_places_reach_it_are_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With many structures, most points are others', and far away."""
+    given: list[Mark] = []
+    of_part: list[tuple[int, ...]] = []
+
+    def settled_with(
+        mask: np.ndarray, intensities: np.ndarray, window: IntensityWindow, marks: list[Mark], between: object
+    ) -> list:
+        given.extend(marks)
+        of_part.append(mask.shape)
+        return [mask]
+
+    monkeypatch.setattr(settling, "settled", settled_with)
+    small = np.zeros((EDGE, EDGE, EDGE), dtype=np.float32)
+    small[18:23, 18:23, 18:23] = 1.0
+    lattice = np.stack(np.meshgrid(*3 * [np.linspace(0.0, EDGE - 1.0, 14)]), axis=-1).reshape(-1, 3)
+    voxels = held_whole(small)
+    settle(voxels, volume_of(small), WINDOW, CENTRE, lattice, ISO)
+    (shape,) = of_part
+    first = (EDGE - shape[0]) // 2
+    everywhere = [Mark((k - first, j - first, i - first), (1.0, 1.0, 1.0), False) for k, j, i in lattice.tolist()]
+    assert len(given) < 0.5 * len(lattice)
+    assert sum(reaches(mark, shape) for mark in given) == sum(reaches(mark, shape) for mark in everywhere) + len(CENTRE) > 100
+
+
+def reaches(mark: Mark, shape: tuple[int, ...]) -> bool:
+    """Whether a mark says something of voxels of a part of `shape`."""
+    return bool(mark.known_of(shape)[1].any())
 
 
 def test_points_on_the_faces_of_the_volume_lie_on_their_own_side() -> None:
