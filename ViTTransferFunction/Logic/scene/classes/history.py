@@ -37,10 +37,9 @@ class AnnotationHistory(Generic[State]):
             self.correct(state)
             return False
         del self._states[self._current + 1 :]
-        continued = kind is not None and kind == self._last_kind and self._current > 0
-        if continued:
+        if kind is not None and kind == self._last_kind:
             del self._states[-1]
-        if continued and state == self._states[-1]:
+        if state == self._states[-1]:
             self._states[-1] = state
             kind = None  # Or what comes next would belong to the step before this one.
         else:

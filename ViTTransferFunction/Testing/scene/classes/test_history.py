@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from hypothesis import given
+from hypothesis import strategies as st
+
 from ViTTransferFunction.Logic.scene.classes.history import LIMIT, AnnotationHistory
 
 
@@ -49,6 +52,19 @@ def test_a_row_of_steps_that_leads_back_is_none_and_what_follows_does_not_belong
     for value in (2, 1, 3, 4):
         history.record(value, kind="slider")
     assert [history.undo(), history.undo()] == [1, 0]
+
+
+@given(st.lists(st.sampled_from(["undo", "redo", 0, 1, 2]), max_size=LIMIT))
+def test_whatever_is_done_undo_leads_back_to_where_it_began(done: list[str | int]) -> None:
+    history = AnnotationHistory(0)
+    for each in done:
+        if isinstance(each, int):
+            history.record(each, kind="slider")
+        else:
+            getattr(history, each)()
+    while history.can_undo:
+        history.undo()
+    assert history.undo() == 0
 
 
 def test_a_seal_ends_a_row_of_steps() -> None:
