@@ -22,12 +22,13 @@ import torch
 from ViTTransferFunction.Logic.core.system import atomic_file
 from ViTTransferFunction.Logic.core.system.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.weights import download as download_module
-from ViTTransferFunction.Logic.weights.download import DownloadFailed, download
+from ViTTransferFunction.Logic.weights.download import DownloadFailed, download, sha256_of
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS, PretrainedModel
 from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, fetch_weights, find_weights
 from ViTTransferFunction.Logic.weights.state_dict import tensors_sha256
 from ViTTransferFunction.Logic.weights.store import list_weights, remove_weights, weights_folder
 from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 
 WEIGHTS = b"weights" * 500_000
 SHA256 = hashlib.sha256(WEIGHTS).hexdigest()
@@ -43,6 +44,8 @@ class Site(http.server.ThreadingHTTPServer):
     announced_beyond_content = 0
     announced: str | None = None
     redirects_to: str | None = None
+    silent_after: int | None = None
+    """It sends so many bytes of the file, or nothing at all if negative, and no more until the client hangs up."""
     requests = 0
 
     @property
@@ -58,6 +61,9 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         site = self.server
         assert isinstance(site, Site)
         site.requests += 1
+        if site.silent_after is not None and site.silent_after < 0:
+            self._await_hanging_up()
+            return
         self.send_response(site.status)
         self.send_header("Content-Type", site.content_type)
         if site.redirects_to is not None:
@@ -65,7 +71,13 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         usual = str(len(site.content) + site.announced_beyond_content)
         self.send_header("Content-Length", usual if site.announced is None else site.announced)
         self.end_headers()
-        self.wfile.write(site.content)
+        self.wfile.write(site.content[: site.silent_after])
+        if site.silent_after is not None:
+            self._await_hanging_up()
+
+    def _await_hanging_up(self) -> None:
+        self.connection.settimeout(LONGEST_WAIT_S)
+        self.connection.recv(1)
 
     def log_message(self, *_: object) -> None:
         """Keep the test's output clean."""
@@ -153,6 +165,19 @@ class TestDownload:
         site.announced_beyond_content = 1
 
         with pytest.raises(WeightsUnavailable, match="broke off after 3500000 of 3500001 bytes"):
+            find_weights(NAME, trust=trusting)
+
+        assert _files(folder) == []
+
+    @pytest.mark.usefixtures("unhashed")
+    @pytest.mark.parametrize("silent_after", [-1, 5])
+    def test_a_network_that_falls_silent_is_not_waited_for(
+        self, silent_after: int, site: Site, folder: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(download_module, "_TIMEOUT_S", 0.1)
+        site.silent_after = silent_after
+
+        with pytest.raises(WeightsUnavailable, match=r"(could not be opened|broke off) \(timed out\); check the network"):
             find_weights(NAME, trust=trusting)
 
         assert _files(folder) == []
@@ -406,8 +431,9 @@ class TestTrust:
         assert find_weights(NAME, allow_download=False).path == folder / model.file_name
         assert "No hash is published" not in caplog.text
 
+        remembered = sha256_of(folder / model.file_name)
         (folder / model.file_name).write_bytes(b"no weights")
-        with pytest.raises(InputError, match="was changed or is damaged"):
+        with pytest.raises(InputError, match=f"was changed or is damaged.*, expected {SHA256} or {remembered}"):
             find_weights(NAME, allow_download=False)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import itertools
+import json
 import pickle
 import sys
 from pathlib import Path
@@ -193,6 +194,20 @@ class TestSafetensors:
             except InputError:
                 noticed += 1
         assert noticed > len(saved)
+
+    @pytest.mark.parametrize(
+        ("shape", "offsets"),
+        [([3], (0, 16)), ([5], (0, 16)), ([4], (-4, 12)), ([4], (8, 24)), ([0], (0, 0)), ([-4], (16, 0))],
+        ids=["fewer numbers than bytes", "more", "before the first byte", "beyond the last", "none", "a negative number"],
+    )
+    def test_a_tensor_of_other_bytes_than_its_own_is_refused(
+        self, a_file: Path, shape: list[int], offsets: tuple[int, int]
+    ) -> None:
+        header = json.dumps({"norm.bias": {"dtype": "F32", "shape": shape, "data_offsets": offsets}}).encode()
+        a_file.write_bytes(len(header).to_bytes(8, "little") + header + bytes(16))
+
+        with pytest.raises(InputError, match=r"not a weights file.*norm\.bias does not lie where the header says"):
+            load_state_dict(a_file)
 
     def test_whole_numbers_are_refused(self, a_file: Path, saved: bytes) -> None:
         a_file.write_bytes(saved.replace(b'"BF16"', b'"I16" '))
