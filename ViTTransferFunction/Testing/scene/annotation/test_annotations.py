@@ -59,11 +59,11 @@ def test_a_structure_is_begun_anew_with_its_name_and_look_in_one_step(session: S
     for id_ in (other.id, state.id):
         annotations.add_points(id_, centre_ras(spheres, 1), positive=True)
         annotations.add_points(id_, centre_ras(spheres, 3), positive=False)
-    annotations.set_class(state.id, size=1.0, proximity=0.5, opacity=0.5, close_up=(0.0, 0.0, 0.0, 40.0, 40.0, 40.0))
+    look = {"opacity": 0.5, "low": 10.0, "high": 20.0}
+    annotations.set_class(state.id, size=1.0, proximity=0.5, close_up=(0.0, 0.0, 0.0, 40.0, 40.0, 40.0), **look)
     before = session.classes
     annotations.remove_points(state.id)
-    look = before[1].look
-    assert session.classes == (before[0], ClassState(state.id, "spleen", look, proximity=0.5))
+    assert session.classes == (before[0], ClassState(state.id, "spleen", before[1].look, proximity=0.5))
     annotations.undo()
     assert session.classes == before
 

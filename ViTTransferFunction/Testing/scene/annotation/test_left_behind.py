@@ -85,6 +85,15 @@ def test_a_volume_that_is_moved_alone_is_told_of_until_the_points_follow(place: 
     assert place.told() == ()
 
 
+def test_points_outside_alone_are_told_of_as_well(place: Place) -> None:
+    spleen = place.annotations.add_class("spleen")
+    place.annotations.add_points(spleen.id, np.array([[7.0, 8.0, 9.0]]), positive=False)
+    assert place.told() == ()
+    place.put_under_transform(place.volume)
+    (message,) = place.told()
+    assert "the points of 'liver', 'spleen' were not" in message
+
+
 def test_what_is_moved_together_is_not_told_of_in_whatever_order(place: Place) -> None:
     place.put_under_transform(*place.lists, place.volume)
     assert place.told() == ()

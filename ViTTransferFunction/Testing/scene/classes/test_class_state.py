@@ -19,7 +19,9 @@ LIVER = ClassState(
     "liver",
     Appearance((0.25, 0.5, 0.75), style="glass", ramp=0.25, edges=0.125),
     positive=((1.0, 2.0, 3.0), (4.0, 5.0, 6.0)),
+    negative=((-1.0, 0.0, 0.0),),
     positive_properties={(1.0, 2.0, 3.0): ("dome",), (4.0, 5.0, 6.0): ("hilum",)},
+    negative_properties={(-1.0, 0.0, 0.0): ("lung",)},
 )
 
 
@@ -46,12 +48,14 @@ def test_a_freed_name_and_colour_are_used_again() -> None:
 
 
 def test_a_copy_of_a_class_differs_from_it_in_name_colour_and_what_is_said_of_points() -> None:
-    first = duplicate_class_state([LIVER], LIVER)
-    second = duplicate_class_state([LIVER, first], LIVER)
-    assert [first.name, second.name] == ["liver copy", "liver copy (2)"]
-    assert len({state.color for state in (LIVER, first, second)}) == 3
+    states = [LIVER]
+    for _ in range(3):
+        states.append(duplicate_class_state(states, LIVER))
+    assert [state.name for state in states] == ["liver", "liver copy", "liver copy (2)", "liver copy (3)"]
+    assert len({state.color for state in states}) == len({state.id for state in states}) == 4
+    first = states[1]
     same = replace(first, id=LIVER.id, name=LIVER.name, look=replace(first.look, color=LIVER.color))
-    assert (same, first.positive_properties) == (LIVER, {})
+    assert (same, first.positive_properties, first.negative_properties) == (LIVER, {}, {})
 
 
 def test_a_class_shares_with_its_state_before_whatever_has_not_changed() -> None:

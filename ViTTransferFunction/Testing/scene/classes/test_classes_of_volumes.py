@@ -82,7 +82,8 @@ def test_on_another_scan_the_same_structures_begin_without_points_and_one_undo_t
     session.set_volume(follow_up.volume)
     after = session.classes
     assert [(state.name, state.color) for state in after] == [(state.name, state.color) for state in before]
-    assert (after[0].look.style, after[0].look.opacity, after[0].look.low) == ("glass", 0.5, None)
+    assert (after[0].look.style, after[0].look.opacity) == ("glass", 0.5)
+    assert (after[0].look.low, after[0].look.high) == (None, None)
     assert (after[0].proximity, after[0].refine) == (0.25, False)
     for state in after:
         assert (state.positive, state.negative, state.iso, state.size, state.visible) == ((), (), None, 0.0, True)
@@ -153,6 +154,27 @@ def test_each_scan_has_its_own_undo(session: SceneSession, follow_up: FollowUp, 
     while session.annotations.can_redo:
         session.annotations.redo()
     assert session.classes == of_follow_up
+
+
+def test_after_another_scan_was_looked_at_undo_and_the_removal_of_the_last_point_go_no_further_back(
+    session: SceneSession, follow_up: FollowUp, spheres: Spheres
+) -> None:
+    baseline, id_ = session.parameters.volume, session.annotations.add_class("sphere").id
+
+    def look_at_the_other() -> None:
+        for volume in (follow_up.volume, baseline):
+            session.set_volume(volume)
+
+    for iso in (0.25, 0.75):
+        session.annotations.set_class(id_, iso=iso)
+        look_at_the_other()
+    session.annotations.undo()
+    assert session.classes[0].iso == 0.25
+    session.annotations.add_points(id_, centre_ras(spheres, 3), positive=False)
+    session.annotations.add_points(id_, centre_ras(spheres, 1), positive=True)
+    look_at_the_other()
+    session.annotations.remove_last_point(id_)
+    assert (len(session.classes[0].positive), len(session.classes[0].negative)) == (0, 1)
 
 
 def test_what_was_done_to_points_elsewhere_in_slicer_can_be_undone_when_their_scan_is_chosen_again(
