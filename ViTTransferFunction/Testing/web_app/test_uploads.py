@@ -27,7 +27,8 @@ def body(files: Sequence[tuple[str, bytes]]) -> bytes:
     parts = []
     for name, content in files:
         quoted = name.replace("\\", "\\\\")
-        parts.append(f'--{BOUNDARY}\r\nContent-Disposition: form-data; name="files"; filename="{quoted}"\r\n\r\n'.encode())
+        head = f'--{BOUNDARY}\r\nContent-Disposition: form-data; name="files"; filename="{quoted}"\r\n\r\n'
+        parts.append(head.encode(errors="surrogateescape"))
         parts.append(content + b"\r\n")
     return b"".join(parts) + f"--{BOUNDARY}--\r\n".encode()
 
@@ -90,7 +91,7 @@ def test_files_arrive_whole_under_their_names(send: Send, folder: Path) -> None:
      ("a b;$(c)`d`.raw", "a b;$(c)`d`.raw"), ("na\u0308me\u202e.raw", "näme_.raw"), ("con.raw", "_con.raw"),
      ("nul.raw", "_nul.raw"), ("x" * 300 + ".raw", "x" * 196 + ".raw"),
      ("Schädel-CT (Müller) 肝.raw", "Schädel-CT (Müller) 肝.raw"), ("肝" * 300 + ".raw", "肝" * 65 + ".raw"),
-     ("com².raw", "_com².raw"), ("scan.raw... ", "scan.raw"),
+     ("com².raw", "_com².raw"), ("scan.raw... ", "scan.raw"), ("Sch\udce4del.raw", "Sch_del.raw"),
      ("%2e%2e%2fscan.raw", "%2e%2e%2fscan.raw"), ('<scan>:"1"?*|.raw', "_scan___1____.raw")],
 )  # fmt: skip
 def test_names_lead_nowhere_and_stay_harmless(send: Send, folder: Path, name: str, kept: str) -> None:
@@ -142,6 +143,11 @@ def test_what_is_no_image_is_refused(send: Send, folder: Path, name: str) -> Non
 @pytest.mark.parametrize("name", ["study.zip", "export/Study.ZIP", "study.tar.gz"])
 def test_of_an_archive_it_is_said_what_to_do(send: Send, folder: Path, name: str) -> None:
     assert f"{PurePosixPath(name).name} is an archive. Unpack it" in refused(send((name, b"PK")), folder)
+
+
+@pytest.mark.parametrize("name", ["SCAN.NRRD", "CT.RAW", "SESSION.MRB"])
+def test_files_are_known_by_endings_in_capitals_as_well(send: Send, folder: Path, name: str) -> None:
+    assert send((name, NRRD)) == [folder / name]
 
 
 def test_slices_of_dicom_need_no_ending(send: Send, folder: Path) -> None:
@@ -210,6 +216,16 @@ def test_a_header_cannot_name_another_file_of_the_computer(send: Send, folder: P
     voxels = secret if absolute else "../secret.raw"
     header = f"ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = {voxels}\n".encode()
     assert "names a file elsewhere" in refused(send(("scan.mhd", header)), folder)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows lets few users make links")
+def test_a_header_and_its_voxels_are_taken_in_a_folder_behind_a_link(send: Send, folder: Path, tmp_path: Path) -> None:
+    """As that of temporary files is on a Mac."""
+    folder.rmdir()
+    (tmp_path / "elsewhere").mkdir()
+    folder.symlink_to(tmp_path / "elsewhere")
+    header = b"ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = scan.raw\n"
+    assert send(("scan.mhd", header), ("scan.raw", bytes(8))) == [folder / "scan.mhd", folder / "scan.raw"]
 
 
 @pytest.mark.parametrize(
