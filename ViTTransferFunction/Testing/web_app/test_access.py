@@ -330,6 +330,33 @@ def test_a_page_says_that_it_is_closed_since_the_end_of_its_websocket_may_not_te
     at(visit)
 
 
+def test_the_session_of_a_browser_that_crashed_ends_in_the_end_whatever_its_pages_did_before(
+    at: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    farewells = _farewells(monkeypatch)
+
+    async def crash(place: Place, browser: aiohttp.ClientSession, *, a_tab_is_closed: bool) -> None:
+        async with browser.ws_connect(place.url("ws"), headers=place.origin) as socket:
+            if a_tab_is_closed:
+                assert await _leave(place, browser) == 204
+                farewells[-1].callback()
+            _transport_of(socket).abort()
+        while not place.access._session.is_free():
+            await asyncio.sleep(0)
+        assert (farewells[-1].delay, farewells[-1].cancelled) == (browser_session.SECONDS_TO_RECONNECT, False)
+
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser:
+            await place.status(browser)
+            for a_tab_is_closed in (False, False, True):
+                await crash(place, browser, a_tab_is_closed=a_tab_is_closed)
+            assert not place.left
+        farewells[-1].callback()
+        assert place.left == [True]
+
+    at(visit)
+
+
 def test_a_browser_that_is_gone_before_it_is_answered_is_nothing_to_report(
     at: Callable[..., None], caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -374,10 +401,12 @@ def test_the_session_does_not_end_while_the_browser_still_fetches_what_was_saved
             async with browser.get(place.url("endless")) as download:
                 await download.content.readexactly(1)
                 assert await _leave(place, browser) == 204
-                farewells[-1].callback()
+                (first,) = farewells
+                first.callback()
                 assert not place.left
             while place.access._session._answering:
                 await asyncio.sleep(0)
+            assert farewells[-1] is not first
             farewells[-1].callback()
         assert place.left == [True]
 
