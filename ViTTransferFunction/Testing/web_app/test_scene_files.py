@@ -114,13 +114,27 @@ def test_a_disk_that_is_full_when_the_scene_itself_is_written_is_told(
         scene_files.stage_session(slicer_app.scene, tmp_path / "session")
 
 
+def test_voxels_of_more_bytes_than_plain_archives_take_are_packed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for module, name in ((zipfile, "ZIP64_LIMIT"), (packing, "_ZIP64_BYTES")):
+        monkeypatch.setattr(module, name, 1000)  # Two gigabytes, but for the time that they take.
+    (tmp_path / "session").mkdir()
+    (tmp_path / "session" / "CT.nrrd").write_bytes(b"voxels" * 1000)
+    packing.zip_folder(tmp_path / "session", tmp_path / "session.mrb")
+    with zipfile.ZipFile(tmp_path / "session.mrb") as archive:
+        assert archive.read("session/CT.nrrd") == b"voxels" * 1000
+
+
 def test_packing_a_segmentation_keeps_its_voxels_and_segments(tmp_path: Path) -> None:
     voxels = np.zeros((30, 40, 50), dtype=np.uint8)
     voxels[10:20, 10:20, 10:20] = 3
     image = sitk.GetImageFromArray(voxels)
     image.SetMetaData("Segment0_Name", "ball")
     sitk.WriteImage(image, str(tmp_path / "raw.seg.nrrd"), useCompression=False)
-    packing.gzip_nrrd(tmp_path / "raw.seg.nrrd", tmp_path / "packed.seg.nrrd")
+    seen: list[tuple[int, int]] = []
+    packing.gzip_nrrd(
+        tmp_path / "raw.seg.nrrd", tmp_path / "packed.seg.nrrd", lambda done, total, _: seen.append((done, total))
+    )
+    assert seen[-1] == ((tmp_path / "raw.seg.nrrd").stat().st_size,) * 2
     again = sitk.ReadImage(str(tmp_path / "packed.seg.nrrd"))
     np.testing.assert_array_equal(sitk.GetArrayFromImage(again), voxels)
     assert again.GetMetaData("Segment0_Name") == "ball"
