@@ -16,7 +16,7 @@ from ..Logic.core.system.errors import InputError, shown
 from ..Logic.core.system.file_names import LONGEST_NAME_BYTES, kept_name
 from ..Logic.files.dicom_folder import is_of_system
 from ..Logic.files.file_start import DICOM_START_BYTES, is_dicom_start
-from ..Logic.files.image_formats import check_no_archive, image_ending, locate_voxels
+from ..Logic.files.image_formats import check_no_archive, image_ending, locate_voxels, named_voxels
 from .points_file import POINTS_ENDING, are_points
 
 LARGEST_UPLOAD = 4 << 30
@@ -55,8 +55,6 @@ async def receive_files(request: web.Request, folder: Path) -> list[Path]:
         if not request.content_type.startswith("multipart/"):
             raise InputError(f"Files were sent as {shown(request.content_type)}; expected multipart/form-data.")
         await _receive(request, folder, received)
-        for path in received:
-            _check_voxels_are_inside(path, folder)
     except BaseException as error:
         for path in received:
             _remove(path)
@@ -69,37 +67,42 @@ async def receive_files(request: web.Request, folder: Path) -> list[Path]:
 async def _receive(request: web.Request, folder: Path, received: list[Path]) -> None:
     """Write the files to `folder`, and append those that can be opened to `received`; see `receive_files`."""
     foreign, has_slices = await _written(request, folder, received)
+    named = _named_as_voxels(received, folder)
+    foreign = [path for path in foreign if path not in named]
     if not are_points(received):
-        for path in [path for path in received if are_points([path])]:
-            foreign = foreign or path.name
-            received.remove(path)
-            _remove(path)
+        foreign += [path for path in received if are_points([path])]
+    for path in foreign:
+        received.remove(path)
+        _remove(path)
+    for path in received:
+        _check_voxels_are_inside(path, folder)
     if foreign and not has_slices:
-        check_no_archive(_harmless(foreign))
+        check_no_archive(foreign[0].name)
         raise InputError(
-            f"{shown(PurePosixPath(foreign).name)} is of no known format; expected DICOM, NIfTI (.nii, .nii.gz), NRRD (.nrrd), "
+            f"{shown(foreign[0].name)} is of no known format; expected DICOM, NIfTI (.nii, .nii.gz), NRRD (.nrrd), "
             "MetaImage (.mha), a saved session (.mrb), or points by themselves (.annotations.json)."
         )
     if not received:
         raise InputError("No file was sent.")
 
 
-async def _written(request: web.Request, folder: Path, received: list[Path]) -> tuple[str, bool]:
-    """Write the files to `folder`, and append those of known kinds to `received`; others are removed again.
+async def _written(request: web.Request, folder: Path, received: list[Path]) -> tuple[list[Path], bool]:
+    """Write the files to `folder`, and append all of them to `received`.
 
     Returns:
-        The name of the first file of no known kind, "" if there is none; and whether there are slices of DICOM.
+        Those of no known kind, and whether there are slices of DICOM.
 
     Raises:
         InputError: the files are too large or too many, or do not arrive whole.
     """
-    total, foreign, has_slices = 0, "", False
+    total, has_slices = 0, False
+    foreign: list[Path] = []
     try:
         reader = await request.multipart()
         while (part := await reader.next()) is not None:
             if not isinstance(part, BodyPartReader) or not part.filename or is_of_system(_last_part(part.filename)):
                 continue
-            if len(received) == MOST_FILES:
+            if len(received) - len(foreign) == MOST_FILES:
                 raise InputError(f"More than {MOST_FILES} files at once; send one series alone.")
             file, path = _create(folder, part.filename)
             received.append(path)
@@ -111,14 +114,19 @@ async def _written(request: web.Request, folder: Path, received: list[Path]) -> 
                     start += chunk[: DICOM_START_BYTES - len(start)]
                     file.write(chunk)
             if not _is_known(path, start):
-                foreign = foreign or part.filename
-                _remove(received.pop())
+                foreign.append(path)
             has_slices = has_slices or is_dicom_start(start)
     except InputError:
         raise
     except (ValueError, HttpProcessingError, web.RequestPayloadError, ConnectionError) as error:
         raise InputError("The files did not arrive whole; send them again.") from error
     return foreign, has_slices
+
+
+def _named_as_voxels(received: list[Path], folder: Path) -> set[Path]:
+    """Where headers among the files say that their voxels are, which may have any name."""
+    names = [named_voxels(path) for path in received if image_ending(path) is not None]
+    return {folder / name for name in names if name is not None}
 
 
 def _remove(path: Path) -> None:

@@ -84,6 +84,24 @@ def test_files_arrive_whole_under_their_names(send: Send, folder: Path) -> None:
     assert (folder / "scan.raw").read_bytes() == voxels
 
 
+def meta_header(voxels: str) -> bytes:
+    """A header whose voxels are in a file named `voxels`."""
+    return f"ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = {voxels}\n".encode()
+
+
+@pytest.mark.parametrize("voxels", ["scan.dat", "scan", "scan.bin"])
+def test_voxels_may_have_any_name_that_their_header_says(send: Send, folder: Path, voxels: str) -> None:
+    sent = [(voxels, bytes(8)), ("scan.mhd", meta_header(voxels))]
+    assert send(*sent) == [folder / voxels, folder / "scan.mhd"]
+    assert (folder / voxels).read_bytes() == bytes(8)
+
+
+def test_if_a_header_names_other_voxels_than_were_sent_those_are_asked_for(send: Send, folder: Path) -> None:
+    message = refused(send(("scan.mhd", meta_header("scan.dat")), ("renamed.dat", bytes(8))), folder)
+    assert "scan.mhd has its voxels in another file, scan.dat, which is not there." in message
+    assert "Put both into one folder" in message
+
+
 @pytest.mark.parametrize(
     ("name", "kept"),
     [("../../escaped.raw", "escaped.raw"), ("/etc/cron.d/job.raw", "job.raw"), ("..\\..\\windows.raw", "windows.raw"),
