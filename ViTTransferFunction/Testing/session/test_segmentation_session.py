@@ -123,7 +123,9 @@ def test_in_whatever_unit_a_volume_comes_it_is_segmented_alike(
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("padding", [-9999.0, -1e10, float(np.finfo(np.float32).min)])
+@pytest.mark.parametrize(
+    "padding", [-9999.0, -1e10, float(np.finfo(np.float32).min), 65535.0, 1e10, float(np.finfo(np.float32).max)]
+)
 def test_a_volume_that_is_padded_with_what_no_scanner_measures_is_segmented_as_if_it_were_masked(
     session: SegmentationSession, spheres: Spheres, padding: float
 ) -> None:

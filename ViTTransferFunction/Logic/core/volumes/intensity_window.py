@@ -19,8 +19,11 @@ NARROWEST = 1e-35
 LOWEST_CT = -4096.0
 """Hounsfield units: no CT measures less, and most that is written where nothing was measured is more."""
 
-FAR_BELOW = 2.0
-"""How far below all that was measured a value lies that stands for what was not, of what the measured ones span."""
+HIGHEST_CT = 30710.0
+"""Hounsfield units: the end of the extended scale, in which metal is measured."""
+
+FAR_AWAY = 2.0
+"""How far from all that was measured a value lies that stands for what was not, of what the measured ones span."""
 
 SAMPLE_SIZE = 2_000_000
 """Percentiles are taken over at most this many voxels, spread evenly: more would only take longer."""
@@ -88,6 +91,9 @@ def looks_like_hounsfield_units(volume: Volume) -> bool:
     sample = finite_sample(volume)
     shares = np.array([1.0, 99.9]) / 100.0
     low, high = quantiles(sample, shares)
+    if high > HIGHEST_CT and _is_padding(high, sample, volume):
+        sample = sample[sample < high]
+        low, high = quantiles(sample, shares)
     if low < LOWEST_CT and low == sample.min() < sample.max():
         # One value far below what is measured fills the corners of some scans.
         low, high = quantiles(sample[sample > low], shares)
@@ -108,21 +114,42 @@ def display_window(volume: Volume) -> IntensityWindow:
 def percentile_window(volume: Volume, outside_percent: float = 0.5) -> IntensityWindow:
     """The window that leaves `outside_percent` of the finite voxels out at either end.
 
-    Of a scan that is padded with one value far below all else, and below what any scanner measures, it is that of all else: in
-    a window that begins with the padding, everything would be one grey. Falls back to the full range where almost all voxels
-    are equal, so that the window never collapses.
+    Of a scan that is padded with one value far below or above all else, and beyond what any scanner measures, it is that of all
+    else: in a window that reaches to the padding, everything would be one grey. Falls back to the full range where almost all
+    voxels are equal, so that the window never collapses.
     """
     sample = finite_sample(volume)
     shares = np.array([outside_percent, 100.0 - outside_percent]) / 100.0
     low, high = quantiles(sample, shares)
+    if high > HIGHEST_CT and _is_padding(high, sample, volume):
+        sample = sample[sample < high]
+        low, high = quantiles(sample, shares)
     if low < LOWEST_CT and low == sample.min() < high:
         measured = sample[sample > low]
         lowest = measured.min()
-        if lowest < high and lowest - low > FAR_BELOW * (high - lowest):
+        if lowest < high and lowest - low > FAR_AWAY * (high - lowest):
             low, high = quantiles(measured, shares)
     if low < high:
         return IntensityWindow(float(low), float(high))
     return full_range_window(volume)
+
+
+def _is_padding(high: float, sample: np.ndarray, volume: Volume) -> bool:
+    """Whether a high intensity surrounds a scan where nothing was measured.
+
+    It is the highest one, far above all else, and some of its voxels are at the border: saturated metal has neighbours of
+    nearly its value, and what was burnt in lies within.
+    """
+    measured = sample[sample < high]
+    if high != sample.max() or not measured.size:
+        return False
+    lowest, highest = float(measured.min()), float(measured.max())
+    return high - highest > FAR_AWAY * (highest - lowest) and _is_at_border(high, volume.array)
+
+
+def _is_at_border(intensity: float, array: np.ndarray) -> bool:
+    """Whether an outermost voxel of an array (K, J, I) has this intensity."""
+    return any((np.take(array, (0, -1), axis) == intensity).any() for axis in range(array.ndim))
 
 
 def full_range_window(volume: Volume) -> IntensityWindow:

@@ -63,6 +63,50 @@ def test_a_ct_whose_corners_are_padded_with_what_no_scanner_measures_is_one(padd
     assert not looks_like_hounsfield_units(volume_of(spread)), "what differs was measured"
 
 
+HIGH_PADDINGS = [31743.0, 32767.0, 65535.0, 2.0**31, float(np.finfo(np.float32).max)]
+"""31743: 32767 after an intercept of -1024."""
+
+
+@pytest.mark.parametrize("padding", HIGH_PADDINGS)
+def test_a_ct_whose_corners_are_padded_with_a_value_far_above_all_else_is_one(padding: float) -> None:
+    layers = np.indices((10, 12, 14))[0]
+    ct = np.where(layers < 5, -1000.0, 300.0)
+    assert looks_like_hounsfield_units(volume_of(np.where(layers < 2, padding, ct)))
+    mr = np.where(layers < 5, 10.0, 300.0)
+    assert not looks_like_hounsfield_units(volume_of(np.where(layers < 2, padding, mr)))
+
+
+@pytest.mark.parametrize("padding", HIGH_PADDINGS)
+@pytest.mark.parametrize("outside_percent", [0.5, 0.02])
+def test_what_is_padded_with_a_value_far_above_all_else_has_the_window_of_what_was_measured(
+    padding: float, outside_percent: float
+) -> None:
+    mr = np.random.default_rng(0).uniform(10.0, 1200.0, (30, 30, 30))
+    measured = percentile_window(volume_of(mr[8:]), outside_percent)
+    mr[:8] = padding
+    assert percentile_window(volume_of(mr), outside_percent) == measured
+
+
+def test_high_padding_of_whole_numbers_is_left_out_as_well() -> None:
+    mr = np.random.default_rng(0).integers(10, 1200, (30, 30, 30)).astype(np.uint16)
+    measured = percentile_window(volume_of(mr[8:]))
+    mr[:8] = 65535
+    assert percentile_window(volume_of(mr)) == measured
+
+
+@pytest.mark.parametrize(
+    ("highest", "within", "gap"),
+    [(4095.0, False, True), (65535.0, True, True), (65535.0, False, False)],
+    ids=["as scanners measure", "in the middle", "no gap below"],
+)
+def test_what_was_measured_belongs_to_the_window_however_high_it_is(highest: float, within: bool, gap: bool) -> None:
+    """Metal and burnt-in marks lie within the scan, and what is clipped has neighbours of nearly its value."""
+    scan = np.random.default_rng(0).uniform(500.0, 1200.0 if gap else highest, (30, 30, 30))
+    place = (slice(8, 16),) * 3 if within else slice(8)
+    scan[place] = highest
+    assert percentile_window(volume_of(scan)).high == highest
+
+
 def test_where_nearly_all_voxels_are_equal_the_others_are_seen() -> None:
     array = np.zeros((10, 12, 14))
     array[5, 6, 7] = 7.0
