@@ -58,7 +58,7 @@ def _run(arguments: list[str] | None) -> int:
     logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING, handlers=[CurrentErrorStream()])
     try:
         with ending_on_request():
-            args = build_parser().parse_args(arguments)
+            args = _parsed(sys.argv[1:] if arguments is None else arguments)
             _check_surroundings(args)
             # Within as well, since silencing makes another error stream.
             with silenced_libraries(args.verbose), unfailing_console():
@@ -119,6 +119,27 @@ def build_parser() -> argparse.ArgumentParser:
         # Without a default of its own, it would overrule what stands before the command.
         _add_verbose(subparser, argparse.SUPPRESS)
     return parser
+
+
+def _parsed(words: list[str]) -> argparse.Namespace:
+    """The arguments of a command. Raises InputError where a word is empty, or one that no command takes."""
+    from ViTTransferFunction.Logic.core.system.errors import InputError, shown
+
+    for position, word in enumerate(words, start=1):
+        # As a path it would be the current folder, whatever scans that has.
+        if not word or (word.startswith("--") and word.endswith("=")):
+            raise InputError(
+                f"Argument {position}, {shown(word)}, is empty; expected a value. If it is a variable of the shell, set it."
+            )
+    args, unknown = build_parser().parse_known_args(words)
+    if unknown:
+        more = f", and {len(unknown) - 1} more" if len(unknown) > 1 else ""
+        of_points = "Name points by --annotations A.json, and a DICOM series by its folder. " if "annotations" in args else ""
+        raise InputError(
+            f"`vittf {args.command}` does not take {shown(unknown[0])}{more}. "
+            f"{of_points}`vittf {args.command} --help` lists what it takes."
+        )
+    return args
 
 
 def _add_verbose(parser: argparse.ArgumentParser, default: bool | str) -> None:

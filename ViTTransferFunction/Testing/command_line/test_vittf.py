@@ -297,6 +297,32 @@ def test_what_is_no_number_is_refused_with_how_numbers_are_written(
     assert f"argument --window: got {given!r}; {expected}" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("words", "got", "what_to_do"),
+    [
+        (["segment", "scan.nrrd", "A.json", "-o", "x.nrrd"], "'A.json'", "points by --annotations A.json"),
+        (["segment", "a.dcm", "b.dcm", "c.dcm", "-o", "x.nrrd"], "'b.dcm', and 1 more", "a DICOM series by its folder"),
+        (["segment", "scan.nrrd", "--anotations", "A.json", "-o", "x.nrrd"], "'--anotations'", "vittf segment --help"),
+        (["cache", "info", "now"], "'now'", "vittf cache --help"),
+    ],
+)
+def test_of_a_word_that_a_command_does_not_take_it_is_said_what_to_do(
+    words: list[str], got: str, what_to_do: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    message = refusal(words, capsys)
+    assert got in message
+    assert what_to_do in message
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["segment", "", "-o", "x.nrrd"], ["features", "scan.nrrd", "--weights="], ["cohort", "", "-o", "x"]],
+)
+def test_an_empty_word_stands_for_no_folder(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """As a path it would be the current folder, whatever scans that has."""
+    assert "is empty; expected" in refusal(words, capsys)
+
+
 def test_a_missing_scan_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["segment", str(tmp_path / "none.nrrd"), "--annotations", "a.json", "-o", str(tmp_path / "o.seg.nrrd")]
     assert "There is no file" in refusal(arguments, capsys)
