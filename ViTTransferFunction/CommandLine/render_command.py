@@ -201,12 +201,13 @@ def _read(args: argparse.Namespace) -> tuple[Volume, list[PictureSegment], list[
 
     from ViTTransferFunction.CommandLine.pictures import shown_segments
     from ViTTransferFunction.Logic.core.classes.class_request import check_inside
+    from ViTTransferFunction.Logic.core.volumes.intensity_window import without_high_padding
     from ViTTransferFunction.Logic.core.volumes.resampling import resample_labels
     from ViTTransferFunction.Logic.files.annotation_files import read_annotations
     from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
     from ViTTransferFunction.Logic.files.volume_files import read_volume
 
-    volume = read_volume(args.volume, series=args.series)
+    volume = without_high_padding(read_volume(args.volume, series=args.series))
     labels, geometry, segments = read_segmentation(args.segmentation)
     if not labels.any():
         raise InputError(

@@ -90,6 +90,26 @@ def test_each_context_and_style_is_drawn(opengl: None, tmp_path: Path, case: tup
     assert np.ptp(read_png(tmp_path / "p.png")[:80]) > 50
 
 
+@pytest.mark.parametrize("context", ["bones-and-vessels", None])
+def test_what_surrounds_a_scan_is_not_drawn_as_bone(
+    opengl: None, tmp_path: Path, case: tuple[str, str], context: str | None
+) -> None:
+    """A scan padded with a value above all else looks like the same with air there."""
+    scan = sitk.ReadImage(case[0])
+    ct = sitk.GetArrayFromImage(scan).astype(np.int32) - 1000
+    pictures = []
+    for padding in (-1000, 65535):
+        ct[:, :, :3] = padding
+        padded = sitk.GetImageFromArray(ct)
+        padded.CopyInformation(scan)
+        sitk.WriteImage(padded, str(tmp_path / "padded.nrrd"))
+        options = ["--context", context] if context else []
+        assert main(["render", str(tmp_path / "padded.nrrd"), case[1], "-o", str(tmp_path / "p.png"), *options]) == 0
+        pictures.append([read_png(tmp_path / name) for name in ("p.png", "p_3d.png")])
+    for drawn, with_air in zip(*pictures, strict=True):
+        np.testing.assert_array_equal(drawn, with_air)
+
+
 def test_what_one_types_are_the_contexts_and_styles_that_there_are() -> None:
     assert set(CONTEXTS.values()) == {NO_CONTEXT, *ALL_CONTEXTS}
     assert set(STYLES.values()) == set(ALL_STYLES)

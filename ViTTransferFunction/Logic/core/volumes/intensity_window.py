@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -132,6 +132,19 @@ def percentile_window(volume: Volume, outside_percent: float = 0.5) -> Intensity
     if low < high:
         return IntensityWindow(float(low), float(high))
     return full_range_window(volume)
+
+
+def without_high_padding(volume: Volume) -> Volume:
+    """The volume as it is to be drawn: with its lowest intensity where it is padded with one value far above all else.
+
+    Otherwise the padding would look like bone around the scan. A volume without such padding is returned as it is.
+    """
+    sample = finite_sample(volume)
+    (high,) = quantiles(sample, np.array([0.999]))
+    if high <= HIGHEST_CT or not _is_padding(high, sample, volume):
+        return volume
+    lowest = sample.min().astype(volume.array.dtype)
+    return replace(volume, array=np.where(volume.array == high, lowest, volume.array))
 
 
 def _is_padding(high: float, sample: np.ndarray, volume: Volume) -> bool:

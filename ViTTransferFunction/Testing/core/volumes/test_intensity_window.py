@@ -16,6 +16,7 @@ from ViTTransferFunction.Logic.core.volumes.intensity_window import (
     percentile_window,
     quantiles,
     telling_decimals,
+    without_high_padding,
 )
 from ViTTransferFunction.Logic.core.volumes.orientation import Orientation
 from ViTTransferFunction.Testing.support.volumes import stored_as, volume_of
@@ -85,6 +86,18 @@ def test_what_is_padded_with_a_value_far_above_all_else_has_the_window_of_what_w
     measured = percentile_window(volume_of(mr[8:]), outside_percent)
     mr[:8] = padding
     assert percentile_window(volume_of(mr), outside_percent) == measured
+
+
+@pytest.mark.parametrize("padding", HIGH_PADDINGS)
+def test_high_padding_is_drawn_as_the_lowest_intensity(padding: float) -> None:
+    measured = np.random.default_rng(0).uniform(10.0, 1200.0, (30, 30, 30))
+    assert without_high_padding(volume_of(measured)).array is measured
+    padded = measured.copy()
+    padded[:8] = padding
+    drawn = without_high_padding(volume_of(padded))
+    assert (drawn.array[:8] == measured[8:].min()).all()
+    np.testing.assert_array_equal(drawn.array[8:], measured[8:])
+    assert drawn.array.dtype == padded.dtype
 
 
 def test_high_padding_of_whole_numbers_is_left_out_as_well() -> None:
