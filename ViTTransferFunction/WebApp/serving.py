@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
+import socket
 import sys
 from contextlib import suppress
 from typing import Any
@@ -98,6 +99,8 @@ def _reason(error: OSError) -> str:
     """Why a port cannot be had, in the system's words."""
     if not error.errno:
         return str(error)
+    if isinstance(error, socket.gaierror):
+        return error.strerror or str(error)  # The numbers of these are none of the C library's.
     if sys.platform == "win32":
         import ctypes
 

@@ -8,6 +8,7 @@ import os
 import random
 import shutil
 import signal
+import socket
 import sys
 import tempfile
 import threading
@@ -472,6 +473,12 @@ def test_why_nothing_can_listen_is_told_in_the_words_of_windows(monkeypatch: pyt
     monkeypatch.setattr(ctypes, "FormatError", said.get, raising=False)
     in_use = OSError(10048, "error while attempting to bind on address ('127.0.0.1', 80)")
     assert serving._reason(in_use) == "Only one usage of each socket address is normally permitted"
+
+
+def test_of_a_host_that_nobody_knows_it_is_said_that_its_name_is_unknown() -> None:
+    """What is wrong with names has numbers that the C library does not know."""
+    unknown = socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+    assert serving._reason(unknown) == "Name or service not known"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a process cannot be sent a Ctrl-C there")
