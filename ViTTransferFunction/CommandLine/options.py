@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.system.user_path import user_path
 from ViTTransferFunction.Logic.features.device import DEVICE_NAMES
 from ViTTransferFunction.Logic.refinement.refinement_methods import REFINEMENT_METHODS
 from ViTTransferFunction.Logic.session.preset_meanings import DEFAULT_PRESET, PRESET_MEANINGS
@@ -153,7 +154,7 @@ def print_features(session: SegmentationSession) -> None:
 
 
 def parse_named_paths(values: list[str], option: str) -> dict[str, Path]:
-    """`NAME=PATH` arguments as a dictionary, whose names are `composed`.
+    """`NAME=PATH` arguments as a dictionary, whose names are `composed`; spaces around name and path are left out.
 
     Raises:
         InputError: one is of another form, or a name comes twice.
@@ -162,11 +163,20 @@ def parse_named_paths(values: list[str], option: str) -> dict[str, Path]:
 
     named: dict[str, Path] = {}
     for value in values:
-        name, separator, path = value.partition("=")
+        name, separator, path = (part.strip() for part in value.partition("="))
         if not (name and separator and path):
             raise InputError(f"{option} {value}: expected NAME=FILE, such as {option} liver=L.mrk.json.")
         name = composed(name)
         if name in named:
             raise InputError(f"{option} names class '{name}' twice; put its points into one list.")
-        named[name] = Path(path)
+        named[name] = spelled_out(Path(path))
     return named
+
+
+def spelled_out(path: Path) -> Path:
+    """The path with the home folder for `~`, which shells leave as it is within a word, as in `--output=~/x.nrrd`.
+
+    Raises:
+        InputError: there is no home folder.
+    """
+    return user_path(path, "a file or folder") if path.parts[:1] == ("~",) else path

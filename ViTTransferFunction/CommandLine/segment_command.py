@@ -18,6 +18,7 @@ from ViTTransferFunction.CommandLine.options import (
     opened_session,
     parse_named_paths,
     print_features,
+    spelled_out,
 )
 from ViTTransferFunction.CommandLine.output_paths import check_outputs
 from ViTTransferFunction.Logic.core.system.atomic_file import check_writable, replacing
@@ -138,11 +139,11 @@ def _inputs(args: argparse.Namespace) -> dict[str, list[Path]]:
     from ViTTransferFunction.Logic.files.volume_files import files_of
     from ViTTransferFunction.Logic.weights.sources import WEIGHTS_VARIABLE
 
-    lists = [value.partition("=")[2] for value in (*args.positive, *args.negative)]
+    lists = [value.partition("=")[2].strip() for value in (*args.positive, *args.negative)]
     weights = [args.weights or os.environ.get(WEIGHTS_VARIABLE)]
     return {
         "the volume": files_of(args.volume),
-        "the annotations": [Path(path) for path in (args.annotations, *lists) if path],
+        "the annotations": [spelled_out(Path(path)) for path in (args.annotations, *lists) if path],
         "the weights": [_expanded(Path(path)) for path in weights if path],
     }
 

@@ -122,7 +122,10 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def _parsed(words: list[str]) -> argparse.Namespace:
-    """The arguments of a command. Raises InputError where a word is empty, or one that no command takes."""
+    """The arguments of a command, paths `spelled_out`. Raises InputError where a word is empty or one too many."""
+    from pathlib import Path
+
+    from ViTTransferFunction.CommandLine.options import spelled_out
     from ViTTransferFunction.Logic.core.system.errors import InputError, shown
 
     for position, word in enumerate(words, start=1):
@@ -139,6 +142,9 @@ def _parsed(words: list[str]) -> argparse.Namespace:
             f"`vittf {args.command}` does not take {shown(unknown[0])}{more}. "
             f"{of_points}`vittf {args.command} --help` lists what it takes."
         )
+    for name, value in vars(args).items():
+        if isinstance(value, Path):
+            setattr(args, name, spelled_out(value))
     return args
 
 

@@ -323,6 +323,31 @@ def test_an_empty_word_stands_for_no_folder(words: list[str], capsys: pytest.Cap
     assert "is empty; expected" in refusal(words, capsys)
 
 
+def test_the_home_folder_is_found_where_shells_do_not_spell_it_out(
+    tmp_path: Path, scan: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in `--output=~/x.nrrd`, by which a folder named ~ was made."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    assert f"written over the volume ({scan})" in refusal(
+        ["segment", str(scan), "--annotations=~/A.json", f"--output=~/{scan.name}"], capsys
+    )
+    message = refusal(["segment", str(scan), "--positive=left kidney=~/L.mrk.json", "--output=~/x.nrrd"], capsys)
+    assert f"There is no file {tmp_path / 'L.mrk.json'}" in message
+    assert not (tmp_path / "~").exists()
+    # No user's home: a name like any other.
+    assert "There is no file ~scan.nrrd" in refusal(["features", "~scan.nrrd"], capsys)
+
+
+def test_spaces_around_a_name_and_its_file_are_passed_over() -> None:
+    assert parse_named_paths(["left kidney = n.mrk.json"], "--positive") == {"left kidney": Path("n.mrk.json")}
+    with pytest.raises(InputError, match="twice"):
+        parse_named_paths(["liver=a.mrk.json", "liver =b.mrk.json"], "--positive")
+    with pytest.raises(InputError, match="expected NAME=FILE"):
+        parse_named_paths([" =a.mrk.json"], "--positive")
+
+
 def test_a_missing_scan_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["segment", str(tmp_path / "none.nrrd"), "--annotations", "a.json", "-o", str(tmp_path / "o.seg.nrrd")]
     assert "There is no file" in refusal(arguments, capsys)
