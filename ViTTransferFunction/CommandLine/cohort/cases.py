@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from ViTTransferFunction.CommandLine.options import spelled_out
 from ViTTransferFunction.Logic.core.system.errors import InputError, shown
 from ViTTransferFunction.Logic.core.system.file_names import LONGEST_NAME_BYTES, is_device
 from ViTTransferFunction.Logic.core.system.regular_file import cannot_read, check_regular_file
@@ -143,7 +144,8 @@ def _cases_of_rows(reader: csv.DictReader[str], path: Path) -> Iterator[Case]:
         if not (name and volume and annotations) or "\0" in volume + annotations:
             raise InputError(f"{path}, line {reader.line_num}: a case needs a name, a volume and annotations; got {row}.")
         # Joining keeps absolute paths unchanged.
-        yield Case(name, folder / volume, folder / annotations, (row.get(SERIES_COLUMN) or "").strip() or None)
+        scan, points = (folder / spelled_out(Path(text)) for text in (volume, annotations))
+        yield Case(name, scan, points, (row.get(SERIES_COLUMN) or "").strip() or None)
 
 
 def _cases_in_folder(folder: Path) -> Iterator[Case]:

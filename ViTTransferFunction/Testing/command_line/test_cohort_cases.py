@@ -33,6 +33,14 @@ def test_paths_of_a_table_begin_at_its_folder_and_absolute_ones_stay(tmp_path: P
     assert second.volume == tmp_path / "b.mha"
 
 
+def test_a_table_may_have_paths_in_the_home_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    home = tmp_path / "home"
+    monkeypatch.setenv("HOME", str(home))
+    monkeypatch.setenv("USERPROFILE", str(home))
+    (case,) = read_cases(table(tmp_path, HEADING, "a,~/scans/a.nii.gz,~/a.json"))
+    assert (case.volume, case.annotations) == (home / "scans/a.nii.gz", home / "a.json")
+
+
 def test_columns_may_come_in_any_order_among_others_with_semicolons_and_as_a_spreadsheet_writes_them(tmp_path: Path) -> None:
     path = tmp_path / "cases.csv"
     path.write_text("annotations;age;case;volume\r\na.json;71;Möller 1;a.nrrd\r\n", encoding="utf-8-sig")
