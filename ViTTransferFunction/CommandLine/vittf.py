@@ -128,11 +128,12 @@ def _parsed(words: list[str]) -> argparse.Namespace:
     from ViTTransferFunction.CommandLine.options import spelled_out
     from ViTTransferFunction.Logic.core.system.errors import InputError, shown
 
-    for position, word in enumerate(words, start=1):
+    for before, word in zip(["", *words], words, strict=False):
         # As a path it would be the current folder, whatever scans that has.
         if not word or (word.startswith("--") and word.endswith("=")):
+            option = before if before.startswith("-") and not word else word.rstrip("=")
             raise InputError(
-                f"Argument {position}, {shown(word)}, is empty; expected a value. If it is a variable of the shell, set it."
+                f"{option or 'An argument'} has no value; of a variable that is not set, perhaps. Give one, or leave it out."
             )
     args, unknown = build_parser().parse_known_args(words)
     if unknown:

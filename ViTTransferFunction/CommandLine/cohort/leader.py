@@ -72,8 +72,6 @@ def lead_cohort(args: argparse.Namespace) -> int:
 def _check_options(args: argparse.Namespace) -> None:
     if args.scheduler and args.workers is not None:
         raise InputError("--workers is for this computer; a scheduler has its own. Give one of --workers and --scheduler.")
-    if args.scheduler == "":
-        raise InputError("--scheduler has no address; of a variable that is not set, perhaps. Give one, or leave it out.")
     if args.workers is not None and args.workers < 1:
         raise InputError(f"--workers {args.workers}: expected 1 or more.")
 

@@ -362,7 +362,7 @@ with only_cohort_in(Path(sys.argv[1])):
     [
         (["--workers", "0"], "expected 1 or more"),
         (["--workers", "2", "--scheduler", "tls://there:8786"], "one of --workers and --scheduler"),
-        (["--scheduler", ""], "--scheduler has no address"),
+        (["--scheduler", ""], "--scheduler has no value; of a variable that is not set, perhaps"),
         (["--preset", "best"], "Unknown preset"),
     ],
 )
