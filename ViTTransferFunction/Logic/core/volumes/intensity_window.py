@@ -88,12 +88,9 @@ def looks_like_hounsfield_units(volume: Volume) -> bool:
 
     A CT cropped to soft tissue fails the test and is windowed by its percentiles instead, which suits it as well.
     """
-    sample = finite_sample(volume)
+    sample = _measured_or_low(volume)
     shares = np.array([1.0, 99.9]) / 100.0
     low, high = quantiles(sample, shares)
-    if high > HIGHEST_CT and _is_padding(high, sample, volume):
-        sample = sample[sample < high]
-        low, high = quantiles(sample, shares)
     if low < LOWEST_CT and low == sample.min() < sample.max():
         # One value far below what is measured fills the corners of some scans.
         low, high = quantiles(sample[sample > low], shares)
@@ -118,12 +115,9 @@ def percentile_window(volume: Volume, outside_percent: float = 0.5) -> Intensity
     else: in a window that reaches to the padding, everything would be one grey. Falls back to the full range where almost all
     voxels are equal, so that the window never collapses.
     """
-    sample = finite_sample(volume)
+    sample = _measured_or_low(volume)
     shares = np.array([outside_percent, 100.0 - outside_percent]) / 100.0
     low, high = quantiles(sample, shares)
-    if high > HIGHEST_CT and _is_padding(high, sample, volume):
-        sample = sample[sample < high]
-        low, high = quantiles(sample, shares)
     if low < LOWEST_CT and low == sample.min() < high:
         measured = sample[sample > low]
         lowest = measured.min()
@@ -140,24 +134,33 @@ def without_high_padding(volume: Volume) -> Volume:
     Otherwise the padding would look like bone around the scan. A volume without such padding is returned as it is.
     """
     sample = finite_sample(volume)
-    (high,) = quantiles(sample, np.array([0.999]))
-    if high <= HIGHEST_CT or not _is_padding(high, sample, volume):
+    padding = _high_padding(sample, volume)
+    if padding is None:
         return volume
     lowest = sample.min().astype(volume.array.dtype)
-    return replace(volume, array=np.where(volume.array == high, lowest, volume.array))
+    return replace(volume, array=np.where(volume.array == padding, lowest, volume.array))
 
 
-def _is_padding(high: float, sample: np.ndarray, volume: Volume) -> bool:
-    """Whether a high intensity surrounds a scan where nothing was measured.
+def _measured_or_low(volume: Volume) -> np.ndarray:
+    """Finite voxels, as `finite_sample` has them, without high padding."""
+    sample = finite_sample(volume)
+    padding = _high_padding(sample, volume)
+    return sample if padding is None else sample[sample < padding]
+
+
+def _high_padding(sample: np.ndarray, volume: Volume) -> float | None:
+    """The high intensity that surrounds a scan where nothing was measured; None if there is none.
 
     It is the highest one, far above all else, and some of its voxels are at the border: saturated metal has neighbours of
     nearly its value, and what was burnt in lies within.
     """
-    measured = sample[sample < high]
-    if high != sample.max() or not measured.size:
-        return False
-    lowest, highest = float(measured.min()), float(measured.max())
-    return high - highest > FAR_AWAY * (highest - lowest) and _is_at_border(high, volume.array)
+    highest = float(sample.max())
+    if highest <= HIGHEST_CT:
+        return None
+    measured = sample[sample < highest]
+    if not measured.size or highest - measured.max() <= FAR_AWAY * (float(measured.max()) - float(measured.min())):
+        return None
+    return highest if _is_at_border(highest, volume.array) else None
 
 
 def _is_at_border(intensity: float, array: np.ndarray) -> bool:
