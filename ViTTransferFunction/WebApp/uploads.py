@@ -72,8 +72,10 @@ async def _receive(request: web.Request, folder: Path, received: list[Path]) -> 
     if not are_points(received):
         foreign += [path for path in received if are_points([path])]
     for path in foreign:
-        received.remove(path)
         _remove(path)
+    # All at once: a folder may have thousands of files that are no slices.
+    left_out = set(foreign)
+    received[:] = [path for path in received if path not in left_out]
     for path in received:
         _check_voxels_are_inside(path, folder)
     if foreign and not has_slices:
