@@ -15,7 +15,7 @@ from ..core.classes.class_request import ClassRequest
 from ..core.system.errors import Cancelled, InputError
 from ..core.system.progress import Between, Progress, nothing_between
 from ..core.volumes.bounding_box import bounding_box, whole_box
-from ..core.volumes.intensity_window import looks_like_hounsfield_units
+from ..core.volumes.intensity_window import looks_like_hounsfield_units, without_high_padding
 from ..core.volumes.volume import Volume
 from ..features.networks import Networks
 from ..rendering.composition import COMPOSING
@@ -65,6 +65,21 @@ class _Segmented:
         return {annotated.id: crop for annotated, crop in zip(self.asked[0], self.crops, strict=True)}
 
 
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """A volume as it is drawn in 3D.
+
+    Attributes:
+        array: its intensities (K, J, I), without padding that would look like bone.
+        levels: the intensities that are told apart (`intensity_levels`).
+        hounsfield: whether they are Hounsfield units.
+    """
+
+    array: np.ndarray
+    levels: np.ndarray
+    hounsfield: bool
+
+
 class SegmentationService:
     """Serves requests about one volume, one after the other; `ComputeMaps` may be served by another thread at the same time.
 
@@ -96,7 +111,7 @@ class SegmentationService:
         self._session: SegmentationSession | None = None
         self._maps: dict[str, ClassMap] = {}
         self._segmented: _Segmented | None = None
-        self._intensities: tuple[np.ndarray, bool] | None = None
+        self._drawn: _Drawn | None = None
         self._handlers: dict[type, Callable[[Any], Any]] = {
             TakeVolume: self._take_volume,
             ReleaseVolume: self._release_volume,
@@ -138,7 +153,7 @@ class SegmentationService:
         return Done()
 
     def _forget(self) -> None:
-        self._volume = self._session = self._segmented = self._intensities = None
+        self._volume = self._session = self._segmented = self._drawn = None
         self._maps = {}
 
     def _prepare(self, request: Prepare) -> FeatureEstimate:
@@ -208,29 +223,29 @@ class SegmentationService:
         maps, box, shape = on_one_box(shown, scan.shape, request.surroundings)
         # Called often, so that a click that comes meanwhile is not slowed down for long.
         between = partial(self._progress, len(maps), len(maps), COMPOSING)
-        intensities = session.volume.array[box]
+        drawn = self._as_drawn()
+        intensities = drawn.array[box]
         if request.mode == "similarity":
             composition = similarity_volume(maps, isos, shape, self._progress)
         else:
             composition = transfer_function_volume(intensities, session.display_window, maps, isos, shape, self._progress)
         between()
-        levels, hounsfield = self._known_intensities()
         shape = composition.shape
         # Without surroundings, a smaller box: renderers take time for each pixel that the box covers.
         part = whole_box(shape) if request.surroundings else composition.crop()
-        gray = gray_levels(intensities, levels, shape, part)
+        gray = gray_levels(intensities, drawn.levels, shape, part)
         between()
         voxels = composition.voxels(gray, request.casting)
         between()
         geometry = scan.part(box).resized(shape).part(part)
-        return structure_volume(voxels, len(maps), levels, geometry, scan, hounsfield=hounsfield)
+        return structure_volume(voxels, len(maps), drawn.levels, geometry, scan, hounsfield=drawn.hounsfield)
 
-    def _known_intensities(self) -> tuple[np.ndarray, bool]:
-        """The volume's grey levels, and whether it has Hounsfield units; found once, since many voxels are read for it."""
-        if self._intensities is None:
-            volume = self._the_volume
-            self._intensities = intensity_levels(volume), looks_like_hounsfield_units(volume)
-        return self._intensities
+    def _as_drawn(self) -> _Drawn:
+        """The volume as 3D views show it; found once, since many voxels are read for it."""
+        if self._drawn is None:
+            volume = without_high_padding(self._the_volume)
+            self._drawn = _Drawn(volume.array, intensity_levels(volume), looks_like_hounsfield_units(volume))
+        return self._drawn
 
     def _shown_maps(self, refined: Sequence[bool]) -> list[Shown]:
         """The maps of the last `ComputeMaps`: for each class, S_H if `refined` and if it is known, else S_L."""

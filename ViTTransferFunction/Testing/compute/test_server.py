@@ -41,7 +41,8 @@ from ViTTransferFunction.Logic.core.classes.class_map import ClassMap
 from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.classes.close_up_choice import close_up_of
 from ViTTransferFunction.Logic.core.system.progress import no_progress
-from ViTTransferFunction.Logic.rendering.composition import DEPTH, NUMBER, SURFACE
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.rendering.composition import DEPTH, INTENSITY, NUMBER, SURFACE
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
 from ViTTransferFunction.Logic.session.settings import SessionSettings
@@ -193,6 +194,25 @@ def test_a_structure_whose_map_stays_refined_looks_in_3d_as_it_did(spheres: Sphe
     as_clicked, as_shown = (len(shown_in_3d(each, 1)) * each.geometry.voxel_volume_mm3 for each in (rough, mixed))
     assert as_shown == pytest.approx(as_clicked, rel=0.25)
     assert shown_in_3d(mixed, 1) != shown_in_3d(fine, 1)
+
+
+def test_padding_above_all_else_is_drawn_like_air(spheres: Spheres) -> None:
+    """As bone, it would wall the structures in."""
+    volume, labels = spheres
+
+    def drawn(padding: float) -> np.ndarray:
+        padded = Volume(volume.array.copy(), volume.geometry, "")
+        padded.array[:2] = padding
+        cache_known_features(padded, labels)
+        service = SegmentationService(no_progress)
+        for request in (TakeVolume(padded.array, padded.geometry, ""), Prepare(SETTINGS), Extract()):
+            service.serve(request)
+        service.serve(ComputeMaps(requests_of(spheres)))
+        rendering: StructureVolume = service.serve(Render("similarity", (False,) * 3, (True,) * 3, True))
+        return rendering.voxels[..., INTENSITY]
+
+    air = float(volume.array.min())
+    np.testing.assert_array_equal(drawn(65535.0), drawn(air))
 
 
 @pytest.mark.slow
