@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 SCORES_AT_ONCE = 2**21
 """So many scores of queries with keys, four megabytes, stay in the processor's cache between the products."""
+LEAST_QUERIES = 128
+"""So many queries are taken at once however many keys there are: products of fewer are slow."""
 
 
 def fused_attention(query: Tensor, key: Tensor, value: Tensor, bias: Tensor | None) -> Tensor:
@@ -57,7 +59,7 @@ def attention_by_products(query: Tensor, key: Tensor, value: Tensor, bias: Tenso
     heads, tokens, channels = query.shape
     centred = (key - key.mean(1, keepdim=True)).transpose(1, 2)
     attended = query.new_empty(tokens, heads * channels)
-    at_once = max(1, SCORES_AT_ONCE // (heads * tokens))
+    at_once = max(LEAST_QUERIES, SCORES_AT_ONCE // (heads * tokens))
     for queries, of_queries in zip(query.split(at_once, 1), attended.split(at_once), strict=True):
         shape = heads, queries.shape[1], tokens
         scores, weights = (
@@ -71,3 +73,8 @@ def attention_by_products(query: Tensor, key: Tensor, value: Tensor, bias: Tenso
         torch.softmax(scores, -1, out=weights)
         of_queries.copy_(torch.bmm(weights, value).transpose(0, 1).flatten(1))
     return attended
+
+
+def products_bytes(tokens: int, heads: int, number: int) -> int:
+    """Memory that `attention_by_products` reuses, for slices of T tokens and numbers of so many bytes."""
+    return 2 * number * max(SCORES_AT_ONCE, LEAST_QUERIES * heads * tokens)

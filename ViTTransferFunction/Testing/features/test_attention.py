@@ -41,9 +41,10 @@ def exact(query: Tensor, key: Tensor, value: Tensor, bias: Tensor | None) -> Ten
 
 
 @pytest.mark.parametrize("biased", [False, True])
-@pytest.mark.parametrize("scores_at_once", [1, HEADS * TOKENS * 13, attention.SCORES_AT_ONCE])
-def test_both_ways_are_the_definition(monkeypatch: pytest.MonkeyPatch, biased: bool, scores_at_once: int) -> None:
-    monkeypatch.setattr(attention, "SCORES_AT_ONCE", scores_at_once)
+@pytest.mark.parametrize(("scores", "queries"), [(1, 1), (1, 13), (HEADS * TOKENS * 32, 1), (2**21, 128)])
+def test_both_ways_are_the_definition(monkeypatch: pytest.MonkeyPatch, biased: bool, scores: int, queries: int) -> None:
+    monkeypatch.setattr(attention, "SCORES_AT_ONCE", scores)
+    monkeypatch.setattr(attention, "LEAST_QUERIES", queries)
     bias = counts_bias() if biased else None
     wanted, work = exact(*inputs(1.0), bias), BufferPool()
     torch.testing.assert_close(fused_attention(*inputs(1.0), bias).double(), wanted, atol=1e-5, rtol=0)
