@@ -59,7 +59,7 @@ def attention_by_products(query: Tensor, key: Tensor, value: Tensor, bias: Tenso
     heads, tokens, channels = query.shape
     centred = (key - key.mean(1, keepdim=True)).transpose(1, 2)
     attended = query.new_empty(tokens, heads * channels)
-    at_once = max(LEAST_QUERIES, SCORES_AT_ONCE // (heads * tokens))
+    at_once = _queries_at_once(tokens, heads)
     for queries, of_queries in zip(query.split(at_once, 1), attended.split(at_once), strict=True):
         shape = heads, queries.shape[1], tokens
         scores, weights = (
@@ -77,4 +77,9 @@ def attention_by_products(query: Tensor, key: Tensor, value: Tensor, bias: Tenso
 
 def products_bytes(tokens: int, heads: int, number: int) -> int:
     """Memory that `attention_by_products` reuses, for slices of T tokens and numbers of so many bytes."""
-    return 2 * number * max(SCORES_AT_ONCE, LEAST_QUERIES * heads * tokens)
+    return 2 * number * heads * _queries_at_once(tokens, heads) * tokens
+
+
+def _queries_at_once(tokens: int, heads: int) -> int:
+    """How many queries of a slice are multiplied with all of its keys at once."""
+    return min(tokens, max(LEAST_QUERIES, SCORES_AT_ONCE // (heads * tokens)))
