@@ -16,12 +16,10 @@ from scipy.optimize import nnls
 
 from ..core.volumes.volume import Volume
 from ..weights.models import PretrainedModel
-from .attention import products_bytes
 from .buffer_pool import BufferPool
 from .expected_shapes import expected_shapes
 from .extraction_plan import TOKENS_PER_BATCH, ExtractionPlan
 from .packed_slices import PatchTokens
-from .precision import attends_by_products
 from .settings import FeatureSettings
 from .vision_transformer import ROWS_AT_ONCE
 
@@ -138,8 +136,6 @@ def _working_bytes(plan: ExtractionPlan, settings: FeatureSettings, model: Pretr
         # Cosines and sines; rotated queries and keys, with temporaries of twice that size.
         of_token += _FLOAT32 * channels // model.num_heads
         hidden += _FLOAT32 * 6 * channels * ROWS_AT_ONCE
-    if attends_by_products(device, settings.dtype_on(device)):
-        hidden += products_bytes(longest, model.num_heads, number)
     # Sums in float32, and the resulting features in float16.
     features = (_FLOAT32 + 2) * channels * math.prod(plan.shape)
     return weights + features + of_token * max(TOKENS_PER_BATCH, longest) + hidden + KERNELS_BYTES

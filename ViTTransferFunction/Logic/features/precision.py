@@ -1,4 +1,4 @@
-"""In what precision a device computes, and which way of attention suits it.
+"""In what precision a device computes.
 
 It follows from what the device is, and not from a race on it, so that the same command gives the same bits.
 """
@@ -30,14 +30,6 @@ def precision_name(device: torch.device) -> Precision:
     """`device_precision`, by its name."""
     name: Precision = str(device_precision(device)).removeprefix("torch.")  # type: ignore[assignment]
     return name
-
-
-def attends_by_products(device: torch.device, dtype: torch.dtype) -> bool:
-    """Whether attention is to be made of matrix products (`attention`): in bfloat16 on processors without matrix units."""
-    import torch
-
-    has: dict[str, Any] = getattr(torch.cpu, "get_capabilities", dict)()
-    return device.type == "cpu" and dtype == torch.bfloat16 and not has.get("amx_bf16")
 
 
 def _has_fast_bfloat16() -> bool:

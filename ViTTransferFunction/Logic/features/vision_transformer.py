@@ -15,12 +15,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..weights.models import PretrainedModel
-from .attention import attention_by_products, fused_attention
 from .buffer_pool import BufferPool
 from .expected_shapes import check_state_dict, expected_shapes, register_name
 from .packed_slices import PackedSlices, PatchTokens
 from .position_table import PositionTable
-from .precision import attends_by_products
 from .rotary_positions import RotaryPositions, rotate
 
 if TYPE_CHECKING:
@@ -62,7 +60,6 @@ class VisionTransformer:
         self.dtype = dtype or torch.float32
         self._weights = {name: tensor.to(self.device, self.dtype) for name, tensor in _masked(state_dict).items()}
         self._table = None if model.rotary_positions else PositionTable(self._weights["pos_embed"], self.dtype)
-        self._by_products = attends_by_products(self.device, self.dtype)
         periods = state_dict.get("rope_embed.periods")
         # Converted to float32 first: Apple's GPUs have no bfloat16 before macOS 14.
         self._rotary = None if periods is None else RotaryPositions(periods.float().to(self.device))
@@ -156,6 +153,8 @@ class VisionTransformer:
         Attention is computed within each slice, whose rows are one of the `spans`. `rotations` are the cosines and sines by
         which queries and keys are rotated; empty without rotary positions.
         """
+        import torch.nn.functional as F
+
         heads, (rows, channels) = self.model.num_heads, tokens.shape
         qkv = self._rows(work, "qkv", rows, 3 * channels)
         for part, out, *rotation in self._parts(tokens, qkv, *rotations):
@@ -165,11 +164,10 @@ class VisionTransformer:
         attended = self._rows(work, "attended", rows, channels)
         attended[spans[-1].stop :] = 0.0
         for span, bias in zip(spans, biases, strict=True):
-            query, key, value = qkv[span].reshape(-1, 3, heads, channels // heads).permute(1, 2, 0, 3)
-            if self._by_products:
-                attended[span] = attention_by_products(query, key, value, bias, work)
-            else:
-                attended[span] = fused_attention(query, key, value, bias)
+            query, key, value = qkv[span].reshape(1, -1, 3, heads, channels // heads).permute(2, 0, 3, 1, 4)
+            mask = None if bias is None else bias.expand(1, 1, query.shape[2], -1)
+            of_heads = F.scaled_dot_product_attention(query, key, value, attn_mask=mask)
+            attended[span] = of_heads[0].transpose(0, 1).flatten(1)
         for part, values in self._parts(tokens, attended):
             self._add_scaled(part, self._linear(values, f"{block}.attn.proj"), f"{block}.ls1")
 
