@@ -77,16 +77,16 @@ def refused(outcome: list[Path] | str, folder: Path) -> str:
     return outcome
 
 
-def test_files_arrive_whole_under_their_names(send: Send, folder: Path) -> None:
-    voxels = bytes(range(256)) * 20_000
-    header = b"ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = scan.raw\n"
-    assert send(("scan.mhd", header), ("scan.raw", voxels)) == [folder / "scan.mhd", folder / "scan.raw"]
-    assert (folder / "scan.raw").read_bytes() == voxels
-
-
 def meta_header(voxels: str) -> bytes:
     """A header whose voxels are in a file named `voxels`."""
     return f"ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = {voxels}\n".encode()
+
+
+def test_files_arrive_whole_under_their_names(send: Send, folder: Path) -> None:
+    voxels = bytes(range(256)) * 20_000
+    header = meta_header("scan.raw")
+    assert send(("scan.mhd", header), ("scan.raw", voxels)) == [folder / "scan.mhd", folder / "scan.raw"]
+    assert (folder / "scan.raw").read_bytes() == voxels
 
 
 @pytest.mark.parametrize("voxels", ["scan.dat", "scan", "scan.bin"])
@@ -232,7 +232,7 @@ def test_a_header_cannot_name_another_file_of_the_computer(send: Send, folder: P
     secret = folder.parent / "secret.raw"
     secret.write_bytes(b"secrets!")
     voxels = secret if absolute else "../secret.raw"
-    header = f"ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = {voxels}\n".encode()
+    header = meta_header(str(voxels))
     assert "names a file elsewhere" in refused(send(("scan.mhd", header)), folder)
 
 
@@ -242,7 +242,7 @@ def test_a_header_and_its_voxels_are_taken_in_a_folder_behind_a_link(send: Send,
     folder.rmdir()
     (tmp_path / "elsewhere").mkdir()
     folder.symlink_to(tmp_path / "elsewhere")
-    header = b"ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = scan.raw\n"
+    header = meta_header("scan.raw")
     assert send(("scan.mhd", header), ("scan.raw", bytes(8))) == [folder / "scan.mhd", folder / "scan.raw"]
 
 
