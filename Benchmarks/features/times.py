@@ -31,7 +31,7 @@ from ViTTransferFunction.Logic.similarity.kernel_ridge import KernelRidge
 from ViTTransferFunction.Logic.weights.sources import find_weights
 
 REPEATS = 3
-SAMPLED_BATCHES = 4
+SAMPLED_SLICES = 8
 """Of each axis of the published way: its slices are all alike, and all of them would take twenty minutes and more."""
 
 
@@ -77,23 +77,21 @@ def measured(volume: Volume, network: VisionTransformer, published: bool) -> dic
     if published:
         settings = SETTINGS[PUBLISHED]
         in_its_precision = network.converted(network.device, settings.dtype_on(network.device))
-        report["published_seconds"] = sampled_seconds(volume, in_its_precision, settings, SAMPLED_BATCHES)
+        report["published_seconds"] = sampled_seconds(volume, in_its_precision, settings, SAMPLED_SLICES)
     return report
 
 
-def sampled_seconds(volume: Volume, network: VisionTransformer, settings: FeatureSettings, batches: int) -> float:
-    """Seconds for an extraction, of which only some batches of each axis are run, after one that does not count."""
+def sampled_seconds(volume: Volume, network: VisionTransformer, settings: FeatureSettings, slices: int) -> float:
+    """Seconds for an extraction, of which only some slices of each axis are run, after one that does not count."""
     run = FeatureRun(volume, network, settings)
-    run.run(run.plan.batches[0])
+    run.run(run.plan.slices[:1])
     seconds = 0.0
     for axis in range(3):
-        of_axis = [batch for batch in run.plan.batches if batch.axis == axis]
-        sample = of_axis[:: -(-len(of_axis) // batches)]
+        of_axis = [of_slice for of_slice in run.plan.slices if of_slice.axis == axis]
+        sample = of_axis[:: -(-len(of_axis) // slices)]
         started = time.perf_counter()
-        for batch in sample:
-            run.run(batch)
-        slices, sampled = (sum(len(batch.samples) for batch in some) for some in (of_axis, sample))
-        seconds += (time.perf_counter() - started) * slices / sampled
+        run.run(sample)
+        seconds += (time.perf_counter() - started) * len(of_axis) / len(sample)
     return seconds
 
 

@@ -155,9 +155,7 @@ def features_of_axes(volume: Volume, network: VisionTransformer, axes: tuple[int
     The mean is still divided by three, which the length of vectors does not matter for.
     """
     run = FeatureRun(volume, network, PRESETS[DEFAULT_PRESET].features)
-    for batch in run.plan.batches:
-        if batch.axis in axes:
-            run.run(batch)
+    run.run([of_slice for of_slice in run.plan.slices if of_slice.axis in axes])
     return run.features()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,7 @@ logger = logging.getLogger(__name__)
 
 
 class BoundedMemory:
-    """Runs a network on slices, on as many at once as fit.
+    """Runs a network on slices, on as many at once as fit; in each of the threads that call it.
 
     Args:
         network: on the device that is wanted.
@@ -31,7 +32,7 @@ class BoundedMemory:
 
     def __init__(self, network: VisionTransformer) -> None:
         self._network = network
-        self._buffers = BufferPool()
+        self._own = _OfThread()
         self._at_once: int | None = None
         self.trouble = ""
 
@@ -49,7 +50,7 @@ class BoundedMemory:
         while done < len(slices):
             at_once = min(self._at_once or len(slices), len(slices) - done)
             try:
-                keys.append(self._network.keys_of_tokens(slices[done : done + at_once], self._buffers))
+                keys.append(self._network.keys_of_tokens(slices[done : done + at_once], self._own.buffers))
                 done += at_once
             except (RuntimeError, MemoryError) as error:
                 if not is_out_of_memory(error):
@@ -58,7 +59,7 @@ class BoundedMemory:
         return torch.cat(keys)
 
     def _give_up_something(self, at_once: int, error: Exception) -> None:
-        self._buffers = BufferPool()
+        self._own = _OfThread()
         if at_once > 1:
             self._at_once = at_once // 2
             self.trouble = f" (little memory: {self._at_once} slices at once)"
@@ -70,3 +71,10 @@ class BoundedMemory:
                 f"There is too little memory to compute features, even slice by slice ({error}). "
                 "Close other programs, choose a faster preset or a smaller grid, or crop the volume to what you need."
             ) from error
+
+
+class _OfThread(threading.local):
+    """What each thread has of its own."""
+
+    def __init__(self) -> None:
+        self.buffers = BufferPool()

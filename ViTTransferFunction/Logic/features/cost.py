@@ -1,5 +1,7 @@
 """Estimates the time and memory of an extraction before it runs; the time from a short calibration on the device.
 
+As in an extraction, all threads of a CPU are at work, each on its own slices.
+
 A slice of n tokens takes a + b·n + c·n² seconds: a constant, the linear layers, and attention. The three coefficients are
 fitted to the times of slices of different sizes, run with one block of the network and with none. All blocks take equally long.
 """
@@ -8,19 +10,23 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import nnls
 
+from ..core.system.undivided_threads import UndividedThreads
 from ..core.volumes.volume import Volume
 from ..weights.models import PretrainedModel
-from .buffer_pool import BufferPool
+from .bounded_memory import BoundedMemory
 from .expected_shapes import expected_shapes
-from .extraction_plan import TOKENS_PER_BATCH, ExtractionPlan
+from .extraction_plan import ExtractionPlan
 from .packed_slices import PatchTokens
 from .settings import FeatureSettings
+from .slice_batches import tokens_at_once
 from .vision_transformer import ROWS_AT_ONCE
 
 if TYPE_CHECKING:
@@ -28,10 +34,10 @@ if TYPE_CHECKING:
 
     from .vision_transformer import VisionTransformer
 
-CALIBRATION_ROWS = (8, 20, 28)
-"""Calibration slices have this many rows and columns of patches: 64, 400 and 784 tokens. Real slices have some hundreds."""
-CALIBRATION_TOKENS = 800
-"""Tokens per calibration batch: short slices are run in batches, as in an extraction."""
+CALIBRATION_ROWS = (12, 20, 28)
+"""Calibration slices have this many rows and columns of patches: 144, 400 and 784 tokens. Real slices have some hundreds."""
+CALIBRATION_TOKENS = 600
+"""Tokens per calibration batch of a thread: short slices are run in batches, as in an extraction."""
 CALIBRATION_DEPTHS = (1, 2)
 """Depths of the calibration networks: up to the keys of the first block, and of the second, which includes all of the first.
 The difference is one block; work that is done once for a slice, such as embedding its patches, is in both."""
@@ -95,7 +101,8 @@ def feature_cost(volume: Volume, settings: FeatureSettings, network: VisionTrans
     start = time.perf_counter()
     plan = ExtractionPlan(volume, settings)
     seconds = time.perf_counter() - start
-    seconds += _preparation_seconds(plan, network)
+    with UndividedThreads(network.device) as threads:
+        seconds += _preparation_seconds(plan, network, threads)
     tokens = plan.tokens_of_slices()
     peak = _working_bytes(plan, settings, network.model, network.device)
     return FeatureCost(plan.shape, sum(tokens), seconds + speed.seconds(tokens), peak)
@@ -106,27 +113,23 @@ def feature_memory_bytes(volume: Volume, settings: FeatureSettings, model: Pretr
     return _working_bytes(ExtractionPlan(volume, settings), settings, model, device)
 
 
-def _preparation_seconds(plan: ExtractionPlan, network: VisionTransformer) -> float:
+def _preparation_seconds(plan: ExtractionPlan, network: VisionTransformer, threads: UndividedThreads) -> float:
     """Seconds to prepare the patches of all slices, extrapolated from one slice of each axis."""
-    patches = plan.patches(network.model.patch_size, network.device)
-    slices = [sum(len(batch.samples) for batch in plan.batches if batch.axis == axis) for axis in range(3)]
     seconds = 0.0
-    for axis, of_axis in enumerate(patches):
-        batch = next(batch for batch in plan.batches if batch.axis == axis)
-        once = []
+    for axis, patches in enumerate(plan.patches(network.model.patch_size, network.device)):
+        of_axis = [of_slice for of_slice in plan.slices if of_slice.axis == axis]
+        tokens = partial(patches.tokens, of_axis[-1].sample.position, of_axis[-1].chosen)
         # The first matrix product on a GPU loads a library, which takes longer than all slices of a scan.
-        for _ in range(PREPARATION_ROUNDS):
-            start = time.perf_counter()
-            of_axis.tokens(batch.samples[-1].position, batch.chosen[-1])
-            once.append(time.perf_counter() - start)
-        seconds += slices[axis] * min(once)
+        seconds += len(of_axis) * min(_seconds(tokens, threads) for _ in range(PREPARATION_ROUNDS))
     return seconds
 
 
 def _working_bytes(plan: ExtractionPlan, settings: FeatureSettings, model: PretrainedModel, device: torch.device) -> int:
     """Peak memory of an extraction, in bytes."""
     channels, pixels = model.embed_dim, 3 * model.patch_size**2
-    number, longest = settings.dtype_on(device).itemsize, max(plan.tokens_of_slices())
+    number, tokens = settings.dtype_on(device).itemsize, plan.tokens_of_slices()
+    with UndividedThreads(device) as threads:
+        at_once = threads.count
     # Weights in single precision are in memory already.
     weights = 0 if number == _FLOAT32 else number * sum(map(math.prod, expected_shapes(model).values()))
     # Per token of a batch: its pixels in float32 and as network input; tokens, queries, keys, values, attention output.
@@ -138,16 +141,20 @@ def _working_bytes(plan: ExtractionPlan, settings: FeatureSettings, model: Pretr
         hidden += _FLOAT32 * 6 * channels * ROWS_AT_ONCE
     # Sums in float32, and the resulting features in float16.
     features = (_FLOAT32 + 2) * channels * math.prod(plan.shape)
-    return weights + features + of_token * max(TOKENS_PER_BATCH, longest) + hidden + KERNELS_BYTES
+    of_thread = of_token * max(tokens_at_once(tokens, device, at_once), *tokens) + hidden
+    return weights + features + at_once * of_thread + KERNELS_BYTES
 
 
 def _seconds_of_slices(networks: list[VisionTransformer], counted: bool) -> np.ndarray:
     """Seconds per slice of each size, (networks, sizes); `counted`: with token counts, as for merged patches."""
     batches = [_batch(rows, networks[0].model.patch_size, counted) for rows in CALIBRATION_ROWS]
-    buffers, rounds = BufferPool(), list[list[list[float]]]()
+    # Each has memory that is used again, as in an extraction.
+    bounded, rounds = [BoundedMemory(network) for network in networks], list[list[list[float]]]()
     least, most = CALIBRATION_ROUNDS
-    while len(rounds) < least or (len(rounds) < most and np.sum(rounds) + np.sum(rounds[-1]) <= CALIBRATION_SECONDS):
-        rounds.append([[_seconds(network, batch, buffers) for batch in batches] for network in networks])
+    with UndividedThreads(networks[0].device) as threads:
+        longest = CALIBRATION_SECONDS / threads.count
+        while len(rounds) < least or (len(rounds) < most and np.sum(rounds) + np.sum(rounds[-1]) <= longest):
+            rounds.append([[_seconds(partial(_run, network, batch), threads) for batch in batches] for network in bounded])
     seconds: np.ndarray = np.min(rounds, axis=0) / [len(batch) for batch in batches]
     return seconds
 
@@ -162,12 +169,20 @@ def _batch(rows: int, patch_size: int, counted: bool) -> list[PatchTokens]:
     return [PatchTokens(patches, rows, rows, *chosen)] * max(1, CALIBRATION_TOKENS // tokens)
 
 
-def _seconds(network: VisionTransformer, batch: list[PatchTokens], buffers: BufferPool) -> float:
-    """Seconds that the batch takes."""
-    start = time.perf_counter()
+def _run(network: BoundedMemory, batch: list[PatchTokens]) -> None:
     # Devices compute asynchronously; copying the keys waits for them.
-    network.keys_of_tokens(batch, buffers).cpu()
-    return time.perf_counter() - start
+    network.keys_of_tokens(batch).cpu()
+
+
+def _seconds(work: Callable[[], object], threads: UndividedThreads) -> float:
+    """Seconds for each piece of work while every thread has one after the other."""
+
+    def timed(piece: Callable[[], object]) -> float:
+        start = time.perf_counter()
+        piece()
+        return time.perf_counter() - start
+
+    return sum(threads.results([work] * threads.count, timed)) / threads.count**2
 
 
 def _powers(tokens: list[int]) -> np.ndarray:

@@ -3,29 +3,35 @@
     F = ⅓ (pool_K keys(slices along K) + pool_J keys(slices along J) + pool_I keys(slices along I))
 
 The keys of each slice are added to the layers of F that they belong to as soon as they are computed, so that memory is
-the sums, the result and one batch of slices. Three things keep the cost at what the scene needs: slices of fewer patches than F
-has cells along an edge, background that a few patches represent (`background_tokens`), and the precision that suits the device.
+the sums, the result and a batch of slices for each thread. Three things keep the cost at what the scene needs: slices of fewer
+patches than F has cells along an edge, background that a few patches represent (`background_tokens`), and the precision that
+suits the device.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..core.system.progress import Progress, no_progress
+from ..core.system.undivided_threads import UndividedThreads
 from ..core.volumes.geometry import Geometry
 from ..core.volumes.torch_arrays import array_of
 from ..core.volumes.volume import Volume
 from ..weights.models import PretrainedModel
 from .accumulation import FeatureSums
 from .bounded_memory import BoundedMemory
-from .extraction_plan import ExtractionPlan, SliceBatch
+from .extraction_plan import ExtractionPlan, PlannedSlice
 from .feature_volume import FeatureVolume
 from .settings import FeatureSettings, feature_key, grid_shape
+from .slice_batches import in_batches, tokens_at_once
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from .vision_transformer import VisionTransformer
 
 
@@ -47,7 +53,9 @@ def extract_features(
         InputError: not even one slice fits into the processor's memory.
         RuntimeError, MemoryError: nor into another device's (`BoundedMemory`).
     """
-    return FeatureRun(volume, network, settings).run_all(progress)
+    run = FeatureRun(volume, network, settings)
+    run.run(run.plan.slices, progress)
+    return run.features()
 
 
 def features_size_bytes(geometry: Geometry, settings: FeatureSettings, model: PretrainedModel) -> int:
@@ -56,7 +64,7 @@ def features_size_bytes(geometry: Geometry, settings: FeatureSettings, model: Pr
 
 
 class FeatureRun:
-    """An extraction that is planned: batches of slices are run in any order, then there are features.
+    """An extraction that is planned: slices are run, then there are features.
 
     Args:
         volume: intensities and geometry.
@@ -73,29 +81,40 @@ class FeatureRun:
         self._cells = volume.geometry.resized(grid_shape(volume.geometry, settings))
         self._patches = self.plan.patches(network.model.patch_size, network.device)
         self._memory = BoundedMemory(network.converted(network.device, settings.dtype_on(network.device)))
-        self._channels = network.model.embed_dim
+        self._device, self._channels = network.device, network.model.embed_dim
         self._sums = FeatureSums(self.plan.shape, self._channels, network.device)
 
-    def run_all(self, progress: Progress) -> FeatureVolume:
-        """Run every batch; see `extract_features`."""
-        done, total = 0, sum(len(batch.samples) for batch in self.plan.batches)
-        for batch in self.plan.batches:
-            progress(done, total, f"Computing features{self._memory.trouble}")
-            self.run(batch)
-            done += len(batch.samples)
-        progress(done, total, f"Computing features{self._memory.trouble}")
-        return self.features()
+    def run(self, slices: Sequence[PlannedSlice], progress: Progress = no_progress) -> None:
+        """Run slices of the plan, each once: on a CPU several batches at once, whose keys are added up in the slices' order.
 
-    def run(self, batch: SliceBatch) -> None:
-        """Run a batch of the plan; each once."""
-        patches = self._patches[batch.axis]
-        tokens = [patches.tokens(sample.position, chosen) for sample, chosen in zip(batch.samples, batch.chosen, strict=True)]
-        keys = self._memory.keys_of_tokens(tokens).split([len(of_slice.patches) for of_slice in tokens])
-        for sample, chosen, of_slice in zip(batch.samples, batch.chosen, keys, strict=True):
-            self._sums.add(batch.axis, sample, patches.spread(of_slice, chosen))
+        For arguments and errors, see `extract_features`.
+        """
+        done = 0
+        with UndividedThreads(self._device) as threads:
+            tokens = [len(of_slice.chosen.places) for of_slice in slices]
+            batches = list(in_batches(slices, tokens_at_once(tokens, self._device, threads.count)))
+            self._tell(progress, done, len(slices))
+            for batch, keys in zip(batches, threads.results(batches, self._keys), strict=True):
+                self._add(batch, keys)
+                done += len(batch)
+                self._tell(progress, done, len(slices))
+
+    def _tell(self, progress: Progress, done: int, total: int) -> None:
+        progress(done, total, f"Computing features{self._memory.trouble}")
+
+    def _keys(self, batch: Sequence[PlannedSlice]) -> Tensor:
+        """The keys of a batch's chosen patches, slice by slice, (T, C)."""
+        tokens = [self._patches[of_slice.axis].tokens(of_slice.sample.position, of_slice.chosen) for of_slice in batch]
+        return self._memory.keys_of_tokens(tokens)
+
+    def _add(self, batch: Sequence[PlannedSlice], keys: Tensor) -> None:
+        of_slices = keys.split([len(of_slice.chosen.places) for of_slice in batch])
+        for of_slice, of_chosen in zip(batch, of_slices, strict=True):
+            spread = self._patches[of_slice.axis].spread(of_chosen, of_slice.chosen)
+            self._sums.add(of_slice.axis, of_slice.sample, spread)
 
     def features(self) -> FeatureVolume:
-        """The features of the batches that were run."""
+        """The features of the slices that were run."""
         # Each layer is written where it belongs: beside the sums, there is never a second volume of features.
         array = np.empty((*self.plan.patches_geometry.shape, self._channels), dtype=np.float16)
         for place, layer in zip(self.plan.orientation.to_canonical(array), self._sums.means(), strict=True):

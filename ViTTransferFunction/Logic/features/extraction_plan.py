@@ -1,9 +1,8 @@
-"""What is run to extract features: which slices, which of their patches, in which batches."""
+"""What is run to extract features: which slices, and which of their patches."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -20,25 +19,23 @@ from .slice_sampling import SliceSample, slice_count, slice_samples
 if TYPE_CHECKING:
     import torch
 
-TOKENS_PER_BATCH = 8192
-"""Enough to keep the arithmetic busy; beyond it memory grows and time does not shrink."""
 BODY_SHARE_GRID = 24
 """Cells along the longest edge to tell how much of the volume is background: about as many as there will be patches."""
 
 
 @dataclass(frozen=True, eq=False)
-class SliceBatch:
-    """Slices that are run at once.
+class PlannedSlice:
+    """A slice to run.
 
     Attributes:
-        axis: across which they run.
-        samples: the slices.
-        chosen: the patches of each.
+        axis: across which it lies.
+        sample: where it lies, and the layers that it contributes to.
+        chosen: its patches that the network gets.
     """
 
     axis: int
-    samples: tuple[SliceSample, ...]
-    chosen: tuple[TokenSelection, ...]
+    sample: SliceSample
+    chosen: TokenSelection
 
 
 class ExtractionPlan:
@@ -65,10 +62,14 @@ class ExtractionPlan:
         self.patches_geometry = volume.geometry.resized(stored_shape)
 
     @cached_property
-    def batches(self) -> tuple[SliceBatch, ...]:
+    def slices(self) -> tuple[PlannedSlice, ...]:
         """Everything to run, axis after axis."""
         background, samples = self._background(self.shape), self._samples(self.shape)
-        return tuple(batch for axis, of_axis in enumerate(samples) for batch in _batches(axis, of_axis, background))
+        return tuple(
+            PlannedSlice(axis, sample, _chosen(axis, sample, background))
+            for axis, of_axis in enumerate(samples)
+            for sample in of_axis
+        )
 
     def patches(self, patch_size: int, device: torch.device) -> list[SlicePatches]:
         """The patches of the slices across each axis."""
@@ -76,7 +77,7 @@ class ExtractionPlan:
 
     def tokens_of_slices(self) -> list[int]:
         """Number of patches of every slice that is run."""
-        return [len(chosen.places) for batch in self.batches for chosen in batch.chosen]
+        return [len(of_slice.chosen.places) for of_slice in self.slices]
 
     def _patch_shape(self) -> tuple[int, int, int]:
         """As many patches along the stored axes as there are cells, or as many as make `most_patches` in all slices."""
@@ -114,20 +115,7 @@ class ExtractionPlan:
         return np.zeros(shape, dtype=bool)
 
 
-def _batches(axis: int, samples: Sequence[SliceSample], background: np.ndarray) -> Iterator[SliceBatch]:
-    batch: list[tuple[SliceSample, TokenSelection]] = []
-    tokens = 0
-    for sample in samples:
-        # A patch is background where it is so in every layer that the slice represents.
-        layers = [layer for layer, _ in sample.layers]
-        chosen = select_tokens(np.logical_and.reduce(background.take(layers, axis=axis), axis=axis))
-        if batch and tokens + len(chosen.places) > TOKENS_PER_BATCH:
-            yield _batch(axis, batch)
-            batch, tokens = [], 0
-        batch.append((sample, chosen))
-        tokens += len(chosen.places)
-    yield _batch(axis, batch)
-
-
-def _batch(axis: int, members: list[tuple[SliceSample, TokenSelection]]) -> SliceBatch:
-    return SliceBatch(axis, tuple(sample for sample, _ in members), tuple(chosen for _, chosen in members))
+def _chosen(axis: int, sample: SliceSample, background: np.ndarray) -> TokenSelection:
+    """The patches of a slice to run. One is background where it is so in every layer that the slice represents."""
+    layers = [layer for layer, _ in sample.layers]
+    return select_tokens(np.logical_and.reduce(background.take(layers, axis=axis), axis=axis))

@@ -41,9 +41,9 @@ def progressive_features(
         are none where they would see as many patches.
     """
     coarse, fine = (FeatureRun(volume, network, of) for of in (_coarse(settings), settings))
-    if coarse.plan.shape != fine.plan.shape:
-        yield coarse.run_all(progress)
-    yield fine.run_all(progress)
+    for stage in (fine,) if coarse.plan.shape == fine.plan.shape else (coarse, fine):
+        stage.run(stage.plan.slices, progress)
+        yield stage.features()
 
 
 def progressive_cost(volume: Volume, settings: FeatureSettings, network: VisionTransformer, speed: NetworkSpeed) -> FeatureCost:

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     import torch
     from torch import Tensor
 
-ROWS_AT_ONCE = 2048
-"""Rows that pass a layer at once on a CPU, so that intermediate results stay in its cache."""
+ROWS_AT_ONCE = 1024
+"""Rows that pass a layer at once on a CPU, in each thread, so that intermediate results stay in its cache."""
 
 
 class VisionTransformer:

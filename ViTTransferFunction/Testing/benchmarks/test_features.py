@@ -128,12 +128,11 @@ def test_seconds_from_some_slices_stand_for_all_of_them(
 ) -> None:
     settings = FeatureSettings(grid=20, merge_background=False, precision="float32")
     clock = itertools.count()
-    monkeypatch.setattr("ViTTransferFunction.Logic.features.extraction_plan.TOKENS_PER_BATCH", 400)
     # A second for each look at the clock: each axis takes one, however many of its slices are run.
     monkeypatch.setattr("Benchmarks.features.times.time.perf_counter", lambda: float(next(clock)))
     shape = FeatureRun(spheres[0], tiny_network, settings).plan.shape
     expected = sum(layers / 4 for layers in shape)
-    assert sampled_seconds(spheres[0], tiny_network, settings, batches=4) == pytest.approx(expected, rel=0.3)
+    assert sampled_seconds(spheres[0], tiny_network, settings, slices=4) == pytest.approx(expected, rel=0.3)
 
 
 @pytest.mark.slow

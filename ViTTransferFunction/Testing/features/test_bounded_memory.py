@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.system.undivided_threads import UndividedThreads
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.bounded_memory import BoundedMemory
 from ViTTransferFunction.Logic.features.buffer_pool import BufferPool
@@ -17,6 +18,7 @@ from ViTTransferFunction.Logic.features.packed_slices import PatchTokens
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
+from ViTTransferFunction.Testing.support.torch_threads import torch_threads
 
 
 class SmallNetwork(VisionTransformer):
@@ -53,6 +55,14 @@ def test_fewer_slices_at_once_give_the_same_keys_and_are_reported(error: Excepti
     keys = memory.keys_of_tokens(slices(7))
     torch.testing.assert_close(keys, tiny_network.keys_of_tokens(slices(7)), atol=1e-5, rtol=0)
     assert "slices at once" in memory.trouble
+
+
+def test_threads_do_not_overwrite_each_others_work(tiny_network: VisionTransformer) -> None:
+    memory = BoundedMemory(tiny_network)
+    expected = tiny_network.keys_of_tokens(slices(7))
+    with torch_threads(3), UndividedThreads(torch.device("cpu")) as threads:
+        found = list(threads.results([slices(7)] * 60, memory.keys_of_tokens))
+    assert all(torch.equal(keys, expected) for keys in found)
 
 
 def test_another_device_without_memory_for_one_slice_is_left_to_whoever_chose_it() -> None:

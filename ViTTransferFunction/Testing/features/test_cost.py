@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import itertools
+import threading
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features import cost as cost_module
 from ViTTransferFunction.Logic.features.background_tokens import TokenSelection
+from ViTTransferFunction.Logic.features.buffer_pool import BufferPool
 from ViTTransferFunction.Logic.features.cost import NetworkSpeed, calibrate, feature_cost, feature_memory_bytes
 from ViTTransferFunction.Logic.features.extraction import features_size_bytes
 from ViTTransferFunction.Logic.features.extraction_plan import ExtractionPlan
@@ -20,7 +24,9 @@ from ViTTransferFunction.Logic.features.packed_slices import PatchTokens
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
 from ViTTransferFunction.Logic.features.slice_patches import SlicePatches
 from ViTTransferFunction.Logic.features.vision_transformer import ROWS_AT_ONCE, VisionTransformer
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, TINY_ROTARY_MODEL, random_state_dict
+from ViTTransferFunction.Testing.support.torch_threads import torch_threads
 
 SPEED = NetworkSpeed(np.array([1e-3, 1e-3, 1e-7]))
 SETTINGS = FeatureSettings(grid=24, merge_background=False)
@@ -98,20 +104,51 @@ def test_calibration_does_not_keep_a_slow_computer_waiting(
         return readings[-1]
 
     monkeypatch.setattr(cost_module, "time", SimpleNamespace(perf_counter=clock))
-    speed = calibrate(tiny_network, FeatureSettings(precision="float32"))
+    with torch_threads(1):
+        speed = calibrate(tiny_network, FeatureSettings(precision="float32"))
     assert len(readings) == 2 * runs_of_each_size * len(cost_module.CALIBRATION_ROWS) * len(cost_module.CALIBRATION_DEPTHS)
     assert (speed.coefficients >= 0.0).all()
 
 
-def test_what_is_done_once_for_a_slice_is_not_taken_for_what_every_block_does(monkeypatch: pytest.MonkeyPatch) -> None:
+def runs_take(monkeypatch: pytest.MonkeyPatch, seconds_of: Callable[[VisionTransformer, Sequence[PatchTokens]], float]) -> None:
+    """Have each thread's clock show that each run of a network takes so long."""
+
+    class Clock(threading.local):
+        now = 0.0
+
+    clock = Clock()
+
+    def run(network: VisionTransformer, slices: Sequence[PatchTokens], buffers: BufferPool) -> torch.Tensor:
+        clock.now += seconds_of(network, slices)
+        return torch.zeros(1)
+
+    monkeypatch.setattr(VisionTransformer, "keys_of_tokens", run)
+    monkeypatch.setattr(cost_module, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_what_is_done_once_for_a_slice_is_not_taken_for_what_every_block_does(
+    monkeypatch: pytest.MonkeyPatch, threads: int
+) -> None:
     model = replace(TINY_MODEL, depth=6)
+    runs_take(monkeypatch, lambda network, slices: len(slices) * (0.01 + 0.002 * (network.model.depth - 1)))
+    with torch_threads(threads):
+        speed = calibrate(VisionTransformer(model, random_state_dict(model), "tiny"), FeatureSettings(precision="float32"))
+    assert speed.seconds([100]) == pytest.approx((0.01 + 5 * 0.002) / threads)
 
-    def run(network: VisionTransformer, batch: list[PatchTokens], *_: object) -> float:
-        return len(batch) * (0.01 + 0.002 * (network.model.depth - 1))
 
-    monkeypatch.setattr(cost_module, "_seconds", run)
-    speed = calibrate(VisionTransformer(model, random_state_dict(model), "tiny"), FeatureSettings(precision="float32"))
-    assert speed.seconds([100]) == pytest.approx(0.01 + 5 * 0.002)
+def test_every_thread_is_at_work_while_the_speed_is_measured(
+    tiny_network: VisionTransformer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    all_at_work = threading.Barrier(3)
+
+    def run(network: VisionTransformer, slices: Sequence[PatchTokens], buffers: BufferPool) -> torch.Tensor:
+        all_at_work.wait(LONGEST_WAIT_S)
+        return torch.zeros(1)
+
+    monkeypatch.setattr(VisionTransformer, "keys_of_tokens", run)
+    with torch_threads(3):
+        calibrate(tiny_network, FeatureSettings(precision="float32"))
 
 
 def test_what_a_computer_does_for_a_moment_does_not_spoil_the_calibration(
@@ -122,12 +159,13 @@ def test_what_a_computer_does_for_a_moment_does_not_spoil_the_calibration(
     def seconds_with(slow: set[int]) -> float:
         runs = itertools.count()
 
-        def run(network: VisionTransformer, *_: object) -> float:
+        def seconds_of(network: VisionTransformer, slices: Sequence[PatchTokens]) -> float:
             number = next(runs)
             return network.model.depth * (number % sizes + 1) * (0.2 if number in slow else 0.02)
 
-        monkeypatch.setattr(cost_module, "_seconds", run)
-        return calibrate(tiny_network, settings).seconds([100, 400])
+        runs_take(monkeypatch, seconds_of)
+        with torch_threads(1):
+            return calibrate(tiny_network, settings).seconds([100, 400])
 
     # Two runs in a row, of different sizes: the first round, or from one round to the next.
     undisturbed = seconds_with(set())
@@ -151,5 +189,6 @@ def test_what_loads_with_the_first_slice_is_not_taken_for_every_slice(
     monkeypatch.setattr(SlicePatches, "tokens", first_takes_a_second)
     monkeypatch.setattr(cost_module, "time", SimpleNamespace(perf_counter=lambda: now))
     slices = len(ExtractionPlan(spheres[0], SETTINGS).tokens_of_slices())
-    seconds = feature_cost(spheres[0], SETTINGS, tiny_network, NetworkSpeed(np.zeros(3))).seconds
+    with torch_threads(1):
+        seconds = feature_cost(spheres[0], SETTINGS, tiny_network, NetworkSpeed(np.zeros(3))).seconds
     assert seconds == pytest.approx(0.001 * slices)

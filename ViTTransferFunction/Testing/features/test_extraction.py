@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -28,7 +29,8 @@ from ViTTransferFunction.Logic.features.slice_sampling import slice_samples
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.session.presets import PRESETS
 from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
-from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
+from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, TINY_ROTARY_MODEL, random_state_dict
+from ViTTransferFunction.Testing.support.torch_threads import torch_threads
 from ViTTransferFunction.Testing.support.volumes import stored_as, volume_of
 
 WINDOW = IntensityWindow(0.0, 1.0)
@@ -49,6 +51,19 @@ class MeanIntensityNetwork(VisionTransformer):
         channels = torch.cat([of_slice.patches for of_slice in slices]).unflatten(1, (3, -1)).mean(dim=2)
         means = (channels * torch.tensor([0.229, 0.224, 0.225]) + torch.tensor([0.485, 0.456, 0.406])).mean(dim=1)
         return means[:, None].expand(-1, self.model.embed_dim)
+
+
+class CountingNetwork(MeanIntensityNetwork):
+    """Notes how many slices it gets, and takes its time."""
+
+    def __init__(self, begun: list[int]) -> None:
+        super().__init__()
+        self.begun = begun
+
+    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: BufferPool | None = None) -> torch.Tensor:
+        self.begun.append(len(slices))
+        time.sleep(0.005)
+        return super().keys_of_tokens(slices, workspace)
 
 
 def block_means(array: np.ndarray, size: int) -> np.ndarray:
@@ -217,6 +232,40 @@ def test_progress_reaches_its_total_and_can_cancel(spheres: tuple[Volume, np.nda
 
     with pytest.raises(Cancelled):
         extract_features(spheres[0], tiny_network, FeatureSettings(grid=8), cancel_at_once)
+
+
+@pytest.mark.parametrize("rotary", [False, True], ids=["position table", "rotary positions"])
+def test_features_are_the_same_bits_with_any_number_of_threads(spheres: tuple[Volume, np.ndarray], rotary: bool) -> None:
+    model = TINY_ROTARY_MODEL if rotary else TINY_MODEL
+    network = VisionTransformer(model, random_state_dict(model), "tiny")
+
+    def features(threads: int) -> np.ndarray:
+        with torch_threads(threads):
+            return extract_features(spheres[0], network, FeatureSettings(grid=24)).array
+
+    expected = features(1)
+    for threads in (2, 5):
+        np.testing.assert_array_equal(features(threads), expected)
+
+
+def test_after_cancelling_no_slice_is_begun(spheres: tuple[Volume, np.ndarray]) -> None:
+    told: list[int] = []
+
+    def cancel_after_a_batch(done: int, total: int, what: str) -> None:
+        told.append(done)
+        if done:
+            raise Cancelled
+
+    begun: list[int] = []
+    network = CountingNetwork(begun)
+    with torch_threads(2):
+        with pytest.raises(Cancelled):
+            extract_features(spheres[0], network, FeatureSettings(grid=24), cancel_after_a_batch)
+        assert torch.get_num_threads() == 2
+    in_the_end = sum(begun)
+    assert told[-1] <= in_the_end < 3 * 24 / 2
+    time.sleep(0.05)
+    assert sum(begun) == in_the_end
 
 
 @given(st.permutations(range(3)), st.tuples(*[st.booleans()] * 3))

@@ -62,12 +62,7 @@ def test_of_a_slice_that_stands_for_layers_of_body_and_of_air_all_is_run() -> No
     plan = ExtractionPlan(
         Volume(array, Geometry(array.shape, np.eye(4))), FeatureSettings(grid=8, layer_step=2, canonical=False)
     )
-    run = {
-        sample.layers[-1][0]: len(chosen.places)
-        for batch in plan.batches
-        if batch.axis == 0
-        for sample, chosen in zip(batch.samples, batch.chosen, strict=True)
-    }
+    run = {of_slice.sample.layers[-1][0]: len(of_slice.chosen.places) for of_slice in plan.slices if of_slice.axis == 0}
     # Up to layer 2 there is body. Slices lie in every second layer, and stand for those beside it as well.
     assert (run[1], run[3]) == (64, 64)
     assert run[5] < 64

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import gc
+import sys
 import weakref
+from collections.abc import Iterator
 from typing import Any
 
+import pytest
 import torch
 
-from ViTTransferFunction.Logic.features.last_grids import MOST_GRIDS
+from ViTTransferFunction.Logic.core.system.undivided_threads import UndividedThreads
+from ViTTransferFunction.Logic.features.last_grids import MOST_GRIDS, LastGrids
 from ViTTransferFunction.Logic.features.position_table import PositionTable, interpolate_position_table
+from ViTTransferFunction.Testing.support.torch_threads import torch_threads
 
 
 def test_position_table_of_the_trained_size_is_untouched() -> None:
@@ -62,3 +67,24 @@ def test_every_slice_of_an_axis_gets_the_same_table() -> None:
     table = PositionTable(torch.randn(1, 1 + 25, 8), torch.float32)
     of_axes = [table.resized(*grid) for grid in ((4, 9), (9, 6), (4, 6))]
     assert [table.resized(*grid) is first for grid, first in zip(((4, 9), (9, 6), (4, 6)), of_axes, strict=True)] == [True] * 3
+
+
+@pytest.fixture
+def quick_turns() -> Iterator[None]:
+    """Threads take turns at Python's lock all the time."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    yield
+    sys.setswitchinterval(before)
+
+
+@pytest.mark.usefixtures("quick_turns")
+def test_threads_ask_for_more_grids_than_are_kept_without_getting_in_each_others_way() -> None:
+    grids = LastGrids()
+
+    def ask(rows: int) -> int:
+        return int(grids.of(rows, 7, lambda: torch.tensor(rows)))
+
+    rows = [1 + number % (MOST_GRIDS + 2) for number in range(2000)]
+    with torch_threads(4), UndividedThreads(torch.device("cpu")) as threads:
+        assert list(threads.results(rows, ask)) == rows

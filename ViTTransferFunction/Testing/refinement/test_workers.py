@@ -11,16 +11,15 @@ import torch
 from ViTTransferFunction.Logic.core.system.errors import Cancelled
 from ViTTransferFunction.Logic.refinement.workers import SHARED_VOXELS, Workers
 from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
+from ViTTransferFunction.Testing.support.torch_threads import torch_threads
 
 CPU = torch.device("cpu")
 
 
 @pytest.fixture(autouse=True)
 def three_threads() -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(3)
-    yield
-    torch.set_num_threads(before)
+    with torch_threads(3):
+        yield
 
 
 def done_by(voxels: int, torch_threads: set[int]) -> tuple[list[int], set[int]]:
