@@ -66,7 +66,7 @@ def test_every_picture_is_there_and_every_one_that_is_there_is_shown() -> None:
 
 def test_the_three_clicks_move_and_begin_again() -> None:
     image = pytest.importorskip("PIL.Image")
-    with image.open(ROOT / "Screenshots" / "three_clicks.gif") as animation:
+    with image.open(ROOT / "Screenshots" / "three_clicks.webp") as animation:
         assert animation.n_frames > 20
         assert animation.info["loop"] == 0
 

@@ -1,4 +1,4 @@
-"""A picture that moves: frames with a pointer that clicks, in a GIF that shows in every browser."""
+"""A picture that moves: frames with a pointer that clicks."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ from PIL import Image, ImageDraw
 MOVE_FRAMES = 9
 _MOVE_MS = 50
 _PRESS_MS = 160
-_GREYS = 86
-"""In steps of three."""
-_GREYEST = 10
-"""Difference between a colour's red, green and blue up to which a grey will do."""
+QUALITY = 65
 _POINTER = [(0, 0), (0, 21), (5, 16.5), (8.5, 24), (12, 22.5), (8.5, 15), (15, 15)]
 """Corners of the arrow, in pixels from its tip."""
 
@@ -54,23 +51,8 @@ class Animation:
         self.show(picture, _PRESS_MS, pressed=True)
 
     def save(self, path: Path) -> None:
-        """Write an endless GIF. All frames have one palette, made of the last, which has every colour."""
-        palette = _palette_of(np.asarray(self._frames[-1]))
-        first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in self._frames)
-        first.save(path, save_all=True, append_images=others, duration=self._durations_ms, loop=0, optimize=False)
-
-
-def _palette_of(picture: np.ndarray) -> Image.Image:
-    """256 colours for a picture: greys from black to white, and others that are near to every colour that there is.
-
-    By how often colours occur, all would go to the grey of tissue, and none to the shades of a small surface.
-    """
-    every = np.unique(picture.reshape(-1, 3), axis=0)
-    colored = every[np.ptp(every.astype(int), axis=1) > _GREYEST]
-    palette = np.repeat(np.rint(np.linspace(0, 255, _GREYS)).astype(np.uint8), 3).tolist()
-    if len(colored):
-        found = Image.fromarray(colored[None]).quantize(256 - _GREYS, method=Image.Quantize.MAXCOVERAGE)
-        palette += (found.getpalette() or [])[: 3 * (256 - _GREYS)]
-    image = Image.new("P", (1, 1))
-    image.putpalette(palette)
-    return image
+        """Write an endless WebP, an eighth of the size that a GIF has."""
+        first, *others = self._frames
+        durations = self._durations_ms
+        # Of each frame, only what is new.
+        first.save(path, save_all=True, append_images=others, duration=durations, loop=0, quality=QUALITY, minimize_size=True)

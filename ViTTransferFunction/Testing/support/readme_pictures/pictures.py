@@ -88,7 +88,7 @@ def three_clicks(data: Path, out: Path) -> Dice:
         desk.look = replace(desk.look, from_ras=(np.sin(turn + START), np.cos(turn + START), 0.1))
         animation.show(frame("Three organs, one click each"), 120)
     animation.show(frame("Three organs, one click each"), 2500)
-    animation.save(out / "three_clicks.gif")
+    animation.save(out / "three_clicks.webp")
     return _finish(desk, ABDOMEN_CT, data)
 
 
