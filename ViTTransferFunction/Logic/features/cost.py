@@ -128,8 +128,7 @@ def _working_bytes(plan: ExtractionPlan, settings: FeatureSettings, model: Pretr
     """Peak memory of an extraction, in bytes."""
     channels, pixels = model.embed_dim, 3 * model.patch_size**2
     number, tokens = settings.dtype_on(device).itemsize, plan.tokens_of_slices()
-    with UndividedThreads(device) as threads:
-        at_once = threads.count
+    at_once = UndividedThreads(device).count
     # Weights in single precision are in memory already.
     weights = 0 if number == _FLOAT32 else number * sum(map(math.prod, expected_shapes(model).values()))
     # Per token of a batch: its pixels in float32 and as network input; tokens, queries, keys, values, attention output.

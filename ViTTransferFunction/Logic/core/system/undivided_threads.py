@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING, TypeVar
 if TYPE_CHECKING:
     import torch
 
+MOST_THREADS = 16
+"""Each needs memory for what it works on, and all take turns at Python's lock."""
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
 class UndividedThreads:
-    """As many threads as PyTorch is set to use, each running operations that are themselves not divided.
+    """As many threads as PyTorch is set to use, up to `MOST_THREADS`, each running operations that are not divided.
 
     Work that consists of many short operations is better divided this way: OpenMP's threads wait for each other after every
     operation. While they sleep they have to be woken up each time; while they spin, on a machine that has other work, each
@@ -34,21 +37,20 @@ class UndividedThreads:
     """
 
     def __init__(self, device: torch.device, shared: bool = True) -> None:
+        import torch
+
         self._on_cpu = device.type == "cpu"
-        self._shared = shared
-        self._of_torch = 1
+        self._of_torch = torch.get_num_threads()
         self._pool: ThreadPoolExecutor | None = None
-        self.count = 1
+        self.count = min(self._of_torch, MOST_THREADS) if shared and self._on_cpu else 1
 
     def __enter__(self) -> UndividedThreads:
         import torch
 
-        self._of_torch = torch.get_num_threads()
-        if self._on_cpu and self._of_torch > 1:
-            if self._shared:
-                self.count = self._of_torch
-                self._pool = ThreadPoolExecutor(self.count)
-                self._start_all(self._pool)
+        if self.count > 1:
+            self._pool = ThreadPoolExecutor(self.count)
+            self._start_all(self._pool)
+        if self._on_cpu:
             torch.set_num_threads(1)
             self._let_others_divide()
         return self

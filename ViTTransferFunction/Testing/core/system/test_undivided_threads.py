@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import pytest
 import torch
 
-from ViTTransferFunction.Logic.core.system.undivided_threads import UndividedThreads
+from ViTTransferFunction.Logic.core.system.undivided_threads import MOST_THREADS, UndividedThreads
 from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.Testing.support.torch_threads import torch_threads
 
@@ -41,6 +41,13 @@ def test_results_come_in_order_from_threads_that_do_not_divide_their_operations(
     assert [item for item, _, _ in found] == list(range(9))
     assert {of_torch for _, _, of_torch in found} == {1}
     assert len({thread for _, thread, _ in found} - {threading.get_ident()}) == threads.count == 3
+
+
+def test_a_computer_of_many_processors_does_not_need_memory_for_each() -> None:
+    with torch_threads(64), UndividedThreads(CPU) as threads:
+        assert threads.count == MOST_THREADS
+        assert len(set(threads.results(range(100), lambda _: threading.get_ident()))) <= MOST_THREADS
+    assert torch.get_num_threads() == 3
 
 
 @pytest.mark.parametrize(("device", "shared", "of_torch"), [(CPU, False, 1), (torch.device("meta"), True, 3)])
