@@ -47,21 +47,20 @@ class UndividedThreads:
     def __enter__(self) -> UndividedThreads:
         import torch
 
-        if self.count > 1:
-            self._pool = ThreadPoolExecutor(self.count)
-            self._start_all(self._pool)
-        if self._on_cpu:
-            torch.set_num_threads(1)
-            self._let_others_divide()
+        if self._on_cpu and self._of_torch > 1:
+            try:
+                if self.count > 1:
+                    self._pool = ThreadPoolExecutor(self.count)
+                    self._start_all(self._pool)
+                torch.set_num_threads(1)
+                self._let_others_divide()
+            except BaseException:
+                self._end()
+                raise
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        import torch
-
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
-        if self._on_cpu:
-            torch.set_num_threads(self._of_torch)
+        self._end()
 
     def results(self, items: Iterable[Item], work: Callable[[Item], Result]) -> Iterator[Result]:
         """What `work` returns for each item, in the items' order; raises what it raises. All items are read at once."""
@@ -79,7 +78,21 @@ class UndividedThreads:
             torch.set_num_threads(1)
             all_there.wait()
 
-        list(pool.map(begin, range(self.count)))
+        try:
+            list(pool.map(begin, range(self.count)))
+        except BaseException:
+            # The system may have no room for so many threads. Those that it has room for must not wait for the others.
+            all_there.abort()
+            raise
+
+    def _end(self) -> None:
+        import torch
+
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+        # Where it was 1, it may be so for this thread only.
+        if self._on_cpu and self._of_torch > 1:
+            torch.set_num_threads(self._of_torch)
 
     def _let_others_divide(self) -> None:
         """Threads in which PyTorch is not yet used get the number that any thread has set last, and keep it."""

@@ -88,3 +88,32 @@ def test_after_an_error_what_was_not_begun_is_dropped_and_pytorch_has_its_thread
         run_all(threads)
     assert len(begun) < 100
     assert torch.get_num_threads() == 3
+
+
+@pytest.mark.parametrize("startable", range(4))
+def test_where_the_system_has_no_room_for_a_thread_nothing_is_left_behind(
+    startable: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before, started, start = set(threading.enumerate()), list[threading.Thread](), threading.Thread.start
+
+    def start_some(thread: threading.Thread) -> None:
+        if len(started) == startable:
+            raise RuntimeError("can't start new thread")
+        started.append(thread)
+        start(thread)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(threading.Thread, "start", start_some)
+        with pytest.raises(RuntimeError, match="can't start new thread"), UndividedThreads(CPU):
+            pass
+    assert set(threading.enumerate()) == before
+    assert torch.get_num_threads() == 3
+    assert in_new_thread(torch.get_num_threads) == 3
+
+
+def test_threads_within_threads_leave_the_others_as_they_are() -> None:
+    with UndividedThreads(CPU):
+        with UndividedThreads(CPU) as inner:
+            assert inner.count == 1
+        assert torch.get_num_threads() == 1
+        assert in_new_thread(torch.get_num_threads) == 3
