@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,6 +18,7 @@ from ViTTransferFunction.Logic.features.extraction import extract_features
 from ViTTransferFunction.Logic.features.packed_slices import PatchTokens
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
 from ViTTransferFunction.Testing.support.torch_threads import torch_threads
 
@@ -33,6 +35,29 @@ class SmallNetwork(VisionTransformer):
             raise self.error
         self.device = torch.device("cpu")
         return super().keys_of_tokens(slices, workspace)
+
+
+class CrowdedNetwork(VisionTransformer):
+    """A network for which there is memory in one thread at a time. The first call takes until there is a second."""
+
+    def __init__(self) -> None:
+        super().__init__(TINY_MODEL, random_state_dict(TINY_MODEL), "tiny")
+        self.running, self.counting = 0, threading.Lock()
+        self.second_came = threading.Event()
+
+    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: BufferPool | None = None) -> torch.Tensor:
+        with self.counting:
+            self.running += 1
+            crowded = self.running > 1
+        try:
+            if crowded:
+                self.second_came.set()
+                raise MemoryError
+            assert self.second_came.wait(LONGEST_WAIT_S)
+            return super().keys_of_tokens(slices, workspace)
+        finally:
+            with self.counting:
+                self.running -= 1
 
 
 def slices(count: int) -> list[PatchTokens]:
@@ -63,6 +88,16 @@ def test_threads_do_not_overwrite_each_others_work(tiny_network: VisionTransform
     with torch_threads(3), UndividedThreads(torch.device("cpu")) as threads:
         found = list(threads.results([slices(7)] * 60, memory.keys_of_tokens))
     assert all(torch.equal(keys, expected) for keys in found)
+
+
+def test_where_there_is_memory_for_one_slice_but_not_for_one_in_every_thread_they_take_turns(
+    tiny_network: VisionTransformer,
+) -> None:
+    memory = BoundedMemory(CrowdedNetwork())
+    with torch_threads(2), UndividedThreads(torch.device("cpu")) as threads:
+        found = list(threads.results([slices(1)] * 12, memory.keys_of_tokens))
+    assert all(torch.equal(keys, tiny_network.keys_of_tokens(slices(1))) for keys in found)
+    assert "1 slice at once" in memory.trouble
 
 
 def test_another_device_without_memory_for_one_slice_is_left_to_whoever_chose_it() -> None:
