@@ -82,8 +82,7 @@ class Server:
         """Answer requests until they end."""
         self._reply(0, Started(os.getpid()))
         # Threads that start later have this one's priority.
-        threading.Thread(target=_import_torch, daemon=True).start()
-        for work in (self._listen, lambda: self._answer(self._clicks)):
+        for work in (self._listen, self._answer_clicks):
             threading.Thread(target=_fatal_if_it_fails, args=(work,), daemon=True).start()
         _fatal_if_it_fails(self._answer_others)
 
@@ -100,6 +99,10 @@ class Server:
         """Nobody is left to compute for, not even what is being computed; and maybe nobody to tidy up."""
         self._files.remove_folder()
         os._exit(0)
+
+    def _answer_clicks(self) -> None:
+        _import_torch()
+        self._answer(self._clicks)
 
     def _answer_others(self) -> None:
         _lower_priority()
@@ -177,10 +180,15 @@ def _fatal_if_it_fails(work: Callable[[], None]) -> None:
 
 
 def _import_torch() -> None:
-    """Takes a second or two, in which the volume may be handed over, or still be chosen."""
+    """Takes a second or two, in which the volume may be handed over, or still be chosen.
+
+    The calling thread keeps the number of PyTorch's threads that there is before others work with fewer (`UndividedThreads`).
+    """
     # Where it fails, who needs it says so. What it says of another NumPy than its own is not why the process dies one day.
     with suppress(Exception), redirect_stderr(io.StringIO()):
-        import torch  # noqa: F401
+        import torch
+
+        torch.get_num_threads()
 
 
 def _lower_priority() -> None:

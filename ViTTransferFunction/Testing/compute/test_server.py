@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -253,6 +255,48 @@ def test_a_click_is_answered_while_something_else_is_being_computed(client: Comp
         finished += [number for number, reply in client.replies() if not isinstance(reply, Progressed)]
     assert [number for number in finished if number != click] == others
     assert finished[-1] != click
+
+
+THREADS_OF_CLICKS = """
+import io, os, sys, threading, torch
+from pathlib import Path
+from ViTTransferFunction.Logic.compute.array_files import ArrayFiles
+from ViTTransferFunction.Logic.compute.codec import to_message
+from ViTTransferFunction.Logic.compute.messages import write_message
+from ViTTransferFunction.Logic.compute.requests import ComputeMaps, Maps
+from ViTTransferFunction.Logic.compute.server import Server
+from ViTTransferFunction.Logic.compute.service import SegmentationService
+
+torch.set_num_threads(3)
+served = threading.Semaphore(0)
+
+def serve(service, request):
+    # The first answer makes no use of PyTorch.
+    if request.first:
+        print(torch.get_num_threads(), flush=True)
+    served.release()
+    return Maps((), ())
+
+SegmentationService.serve = serve
+reading, writing = os.pipe()
+requests, files = os.fdopen(writing, "wb"), ArrayFiles(Path(sys.argv[1]))
+threading.Thread(target=Server(os.fdopen(reading, "rb"), io.BytesIO(), files).serve, daemon=True).start()
+write_message(requests, to_message(1, ComputeMaps(())), files)
+served.acquire()
+torch.set_num_threads(1)
+write_message(requests, to_message(2, ComputeMaps((), first="liver")), files)
+served.acquire()
+requests.close()
+threading.Event().wait()
+"""
+
+
+def test_clicks_are_answered_with_the_threads_that_pytorch_has_at_first_whatever_is_computed_beside_them(
+    tmp_path: Path,
+) -> None:
+    program = [sys.executable, "-c", THREADS_OF_CLICKS, str(tmp_path)]
+    finished = subprocess.run(program, capture_output=True, encoding="utf-8", check=False, timeout=LONGEST_WAIT_S)
+    assert finished.stdout == "3\n", finished.stderr
 
 
 @pytest.mark.slow

@@ -75,8 +75,10 @@ class UndividedThreads:
         def begin(_: int) -> None:
             # Where PyTorch is first used in a thread, it takes the number that any thread has set last, whatever this one has.
             torch.get_num_threads()
-            torch.set_num_threads(1)
+            # So would any other thread, from here until the number is set to what others are to have: that is to be a moment,
+            # and not as long as it takes to start threads.
             all_there.wait()
+            torch.set_num_threads(1)
 
         try:
             list(pool.map(begin, range(self.count)))
