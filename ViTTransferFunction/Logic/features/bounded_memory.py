@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..core.system.errors import InputError
 from ..core.system.out_of_memory import is_out_of_memory
+from ..core.system.progress import Between, nothing_between
 from .buffer_pool import BufferPool
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ class BoundedMemory:
         self._running, self._changed = 0, threading.Condition()
         self.trouble = ""
 
-    def keys_of_tokens(self, slices: Sequence[PatchTokens]) -> Tensor:
+    def keys_of_tokens(self, slices: Sequence[PatchTokens], between: Between = nothing_between) -> Tensor:
         """As `VisionTransformer.keys_of_tokens`.
 
         Raises:
@@ -56,7 +57,7 @@ class BoundedMemory:
                 try:
                     some = slices[done : done + at_once]
                     # Where threads take turns, none keeps memory from one to the next.
-                    keys.append(self._network.keys_of_tokens(some, None if alone else self._own.buffers))
+                    keys.append(self._network.keys_of_tokens(some, None if alone else self._own.buffers, between))
                     done += at_once
                 except (RuntimeError, MemoryError) as error:
                     if not is_out_of_memory(error):

@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.system.progress import Progress, no_progress
+from ..core.system.progress import Between, Progress, no_progress, one_at_a_time
 from ..core.system.undivided_threads import UndividedThreads
 from ..core.volumes.geometry import Geometry
 from ..core.volumes.torch_arrays import array_of
@@ -44,7 +45,7 @@ def extract_features(
         volume: intensities and geometry.
         network: loaded weights on the device to compute on.
         settings: grid and sampling.
-        progress: called with slices done, and where memory was too small; may raise `Cancelled`.
+        progress: called with slices done, and where memory was too small, by one thread or another; may raise `Cancelled`.
 
     Returns:
         Features in float16, whose rounding (2⁻¹¹ relative) is far below the differences between neighbouring cells.
@@ -90,22 +91,25 @@ class FeatureRun:
         For arguments and errors, see `extract_features`.
         """
         done = 0
+
+        def tell() -> None:
+            progress(done, len(slices), f"Computing features{self._memory.trouble}")
+
+        # Also while slices are run: large ones take a thread many seconds, in which somebody may cancel.
+        tell_in_turn = one_at_a_time(tell)
         with UndividedThreads(self._device) as threads:
             tokens = [len(of_slice.chosen.places) for of_slice in slices]
             batches = list(in_batches(slices, tokens_at_once(tokens, self._device, threads.count)))
-            self._tell(progress, done, len(slices))
-            for batch, keys in zip(batches, threads.results(batches, self._keys), strict=True):
+            tell_in_turn()
+            for batch, keys in zip(batches, threads.results(batches, partial(self._keys, between=tell_in_turn)), strict=True):
                 self._add(batch, keys)
                 done += len(batch)
-                self._tell(progress, done, len(slices))
+                tell_in_turn()
 
-    def _tell(self, progress: Progress, done: int, total: int) -> None:
-        progress(done, total, f"Computing features{self._memory.trouble}")
-
-    def _keys(self, batch: Sequence[PlannedSlice]) -> Tensor:
+    def _keys(self, batch: Sequence[PlannedSlice], between: Between) -> Tensor:
         """The keys of a batch's chosen patches, slice by slice, (T, C)."""
         tokens = [self._patches[of_slice.axis].tokens(of_slice.sample.position, of_slice.chosen) for of_slice in batch]
-        return self._memory.keys_of_tokens(tokens)
+        return self._memory.keys_of_tokens(tokens, between)
 
     def _add(self, batch: Sequence[PlannedSlice], keys: Tensor) -> None:
         of_slices = keys.split([len(of_slice.chosen.places) for of_slice in batch])

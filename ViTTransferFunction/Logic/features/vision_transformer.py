@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ..core.system.progress import Between, nothing_between
 from ..weights.models import PretrainedModel
 from .buffer_pool import BufferPool
 from .expected_shapes import check_state_dict, expected_shapes, register_name
@@ -78,7 +79,9 @@ class VisionTransformer:
         weights = {name: self._weights[name] for name in expected_shapes(model)}
         return VisionTransformer(model, weights, self.weights_digest, self.device, self.dtype)
 
-    def keys_of_tokens(self, slices: Sequence[PatchTokens], buffers: BufferPool | None = None) -> Tensor:
+    def keys_of_tokens(
+        self, slices: Sequence[PatchTokens], buffers: BufferPool | None = None, between: Between = nothing_between
+    ) -> Tensor:
         """Keys `K` of the last block's self-attention, with heads concatenated, without class and register tokens.
 
         There is no attention between slices. Slices may lack some of their patches.
@@ -86,6 +89,7 @@ class VisionTransformer:
         Args:
             slices: the slices of one batch.
             buffers: memory to reuse from batch to batch; None: new memory.
+            between: called before each block; may raise `Cancelled`.
 
         Returns:
             The keys of all patches, slice by slice, (T, C), on the network's device and in its precision.
@@ -99,6 +103,7 @@ class VisionTransformer:
             biases = [self._attention_bias(group, span) for group, span in zip(slices, packed.spans, strict=True)]
             rotations = () if self._rotary is None else self._rotary.rotations(slices, packed, work)
             for block in range(self.model.depth - 1):
+                between()
                 self._add_attention(tokens, packed.spans, biases, rotations, f"blocks.{block}", work)
                 self._add_mlp(tokens, f"blocks.{block}", work)
             keys = self._keys(tokens, f"blocks.{self.model.depth - 1}")

@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.system.progress import Between, nothing_between
 from ViTTransferFunction.Logic.core.system.undivided_threads import UndividedThreads
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.bounded_memory import BoundedMemory
@@ -30,11 +31,13 @@ class SmallNetwork(VisionTransformer):
         super().__init__(TINY_MODEL, random_state_dict(TINY_MODEL), "tiny")
         self.at_once, self.error, self.device = at_once, error, torch.device(claimed_device)
 
-    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: BufferPool | None = None) -> torch.Tensor:
+    def keys_of_tokens(
+        self, slices: Sequence[PatchTokens], workspace: BufferPool | None = None, between: Between = nothing_between
+    ) -> torch.Tensor:
         if len(slices) > self.at_once:
             raise self.error
         self.device = torch.device("cpu")
-        return super().keys_of_tokens(slices, workspace)
+        return super().keys_of_tokens(slices, workspace, between)
 
 
 class CrowdedNetwork(VisionTransformer):
@@ -45,7 +48,9 @@ class CrowdedNetwork(VisionTransformer):
         self.running, self.counting = 0, threading.Lock()
         self.second_came = threading.Event()
 
-    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: BufferPool | None = None) -> torch.Tensor:
+    def keys_of_tokens(
+        self, slices: Sequence[PatchTokens], workspace: BufferPool | None = None, between: Between = nothing_between
+    ) -> torch.Tensor:
         with self.counting:
             self.running += 1
             crowded = self.running > 1
@@ -54,7 +59,7 @@ class CrowdedNetwork(VisionTransformer):
                 self.second_came.set()
                 raise MemoryError
             assert self.second_came.wait(LONGEST_WAIT_S)
-            return super().keys_of_tokens(slices, workspace)
+            return super().keys_of_tokens(slices, workspace, between)
         finally:
             with self.counting:
                 self.running -= 1

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import torch
 
+from ViTTransferFunction.Logic.core.system.progress import Between
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features import cost as cost_module
 from ViTTransferFunction.Logic.features.background_tokens import TokenSelection
@@ -118,7 +119,7 @@ def runs_take(monkeypatch: pytest.MonkeyPatch, seconds_of: Callable[[VisionTrans
 
     clock = Clock()
 
-    def run(network: VisionTransformer, slices: Sequence[PatchTokens], buffers: BufferPool) -> torch.Tensor:
+    def run(network: VisionTransformer, slices: Sequence[PatchTokens], buffers: BufferPool, between: Between) -> torch.Tensor:
         clock.now += seconds_of(network, slices)
         return torch.zeros(1)
 
@@ -142,7 +143,7 @@ def test_every_thread_is_at_work_while_the_speed_is_measured(
 ) -> None:
     all_at_work = threading.Barrier(3)
 
-    def run(network: VisionTransformer, slices: Sequence[PatchTokens], buffers: BufferPool) -> torch.Tensor:
+    def run(network: VisionTransformer, slices: Sequence[PatchTokens], buffers: BufferPool, between: Between) -> torch.Tensor:
         all_at_work.wait(LONGEST_WAIT_S)
         return torch.zeros(1)
 

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.system.progress import Between, nothing_between
 from ViTTransferFunction.Logic.features import device_check as device_check_module
 from ViTTransferFunction.Logic.features import networks as networks_module
 from ViTTransferFunction.Logic.features.buffer_pool import BufferPool
@@ -35,8 +36,10 @@ class OnDevice(VisionTransformer):
         self._asked += 1
         return self if self._asked == 1 else PROCESSOR.converted(device, dtype)
 
-    def keys_of_tokens(self, slices: Sequence[PatchTokens], buffers: BufferPool | None = None) -> Tensor:
-        return self._does(super().keys_of_tokens(slices, buffers))
+    def keys_of_tokens(
+        self, slices: Sequence[PatchTokens], buffers: BufferPool | None = None, between: Between = nothing_between
+    ) -> Tensor:
+        return self._does(super().keys_of_tokens(slices, buffers, between))
 
 
 def unsupported(keys: Tensor) -> Tensor:

@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ViTTransferFunction.Logic.core.system.errors import Cancelled, InputError
+from ViTTransferFunction.Logic.core.system.progress import Between, nothing_between
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volumes.orientation import Orientation, canonical_orientation
@@ -47,7 +48,9 @@ class MeanIntensityNetwork(VisionTransformer):
     def converted(self, device: torch.device | str, dtype: torch.dtype) -> VisionTransformer:
         return self
 
-    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: BufferPool | None = None) -> torch.Tensor:
+    def keys_of_tokens(
+        self, slices: Sequence[PatchTokens], workspace: BufferPool | None = None, between: Between = nothing_between
+    ) -> torch.Tensor:
         channels = torch.cat([of_slice.patches for of_slice in slices]).unflatten(1, (3, -1)).mean(dim=2)
         means = (channels * torch.tensor([0.229, 0.224, 0.225]) + torch.tensor([0.485, 0.456, 0.406])).mean(dim=1)
         return means[:, None].expand(-1, self.model.embed_dim)
@@ -60,10 +63,12 @@ class CountingNetwork(MeanIntensityNetwork):
         super().__init__()
         self.begun = begun
 
-    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: BufferPool | None = None) -> torch.Tensor:
+    def keys_of_tokens(
+        self, slices: Sequence[PatchTokens], workspace: BufferPool | None = None, between: Between = nothing_between
+    ) -> torch.Tensor:
         self.begun.append(len(slices))
         time.sleep(0.005)
-        return super().keys_of_tokens(slices, workspace)
+        return super().keys_of_tokens(slices, workspace, between)
 
 
 def block_means(array: np.ndarray, size: int) -> np.ndarray:
@@ -246,6 +251,22 @@ def test_features_are_the_same_bits_with_any_number_of_threads(spheres: tuple[Vo
     expected = features(1)
     for threads in (2, 5):
         np.testing.assert_array_equal(features(threads), expected)
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_what_is_cancelled_ends_while_a_slice_is_run(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer, threads: int
+) -> None:
+    told: list[int] = []
+
+    def cancel_before_a_slice_is_done(done: int, total: int, what: str) -> None:
+        told.append(done)
+        if len(told) > 1:
+            raise Cancelled
+
+    with torch_threads(threads), pytest.raises(Cancelled):
+        extract_features(spheres[0], tiny_network, FeatureSettings(grid=24), cancel_before_a_slice_is_done)
+    assert set(told) == {0}
 
 
 def test_after_cancelling_no_slice_is_begun(spheres: tuple[Volume, np.ndarray]) -> None:
