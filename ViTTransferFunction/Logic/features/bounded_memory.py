@@ -83,19 +83,17 @@ class BoundedMemory:
         self._own = _OfThread()
         if at_once > 1:
             self._at_once = at_once // 2
-            self.trouble = f" (little memory: {self._at_once} slices at once)"
-            logger.warning("Out of memory on %s%s", self._network.device, self.trouble)
         elif self._network.device.type != "cpu":
             raise error
         elif not alone:
             self._in_turn, self._at_once = True, 1
-            self.trouble = " (little memory: 1 slice at once)"
-            logger.warning("Out of memory in several threads%s", self.trouble)
         else:
             raise InputError(
                 f"There is too little memory to compute features, even slice by slice ({error}). "
                 "Close other programs, choose a faster preset or a smaller grid, or crop the volume to what you need."
             ) from error
+        self.trouble = f" (little memory: {self._at_once} slices at once)"
+        logger.warning("Out of memory on %s%s", self._network.device, self.trouble)
 
 
 class _OfThread(threading.local):
