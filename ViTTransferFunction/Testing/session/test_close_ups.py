@@ -13,6 +13,7 @@ from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
 from ViTTransferFunction.Logic.core.classes.close_up_choice import close_up_of
 from ViTTransferFunction.Logic.core.system.errors import Cancelled
+from ViTTransferFunction.Logic.core.system.progress import Progress
 from ViTTransferFunction.Logic.core.volumes.geometry import Box, Geometry
 from ViTTransferFunction.Logic.core.volumes.intensity_window import CT_SOFT_TISSUE, display_window
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
@@ -133,6 +134,26 @@ def test_a_close_up_that_nobody_asks_for_any_more_is_forgotten(
     session.look_closer(looked_at)
     session.look_closer(requests_of(spheres))
     assert session.awaiting_close_ups(looked_at)
+
+
+def test_close_ups_that_are_there_are_not_loaded_again_beside_another(
+    session: SegmentationSession, looked_at: list[ClassRequest], spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session.look_closer(looked_at)
+    box = CloseUp(tuple(centre_ras(spheres, 2)[0]), (30.0, 30.0, 30.0))
+    cache_known_close_up(*spheres, box, looked_at[1].positive)
+    loaded: list[Volume] = []
+    load = SegmentationSession.load_features
+
+    def counted(self: SegmentationSession, progress: Progress) -> object:
+        loaded.append(self.volume)
+        return load(self, progress)
+
+    monkeypatch.setattr(SegmentationSession, "load_features", counted)
+    both = [looked_at[0], replace(looked_at[1], close_up=box), looked_at[2]]
+    session.look_closer(both)
+    assert len(loaded) == 1
+    assert not session.awaiting_close_ups(both)
 
 
 def test_in_a_part_count_all_classes_with_points_in_it_by_these_points(looked_at: list[ClassRequest], spheres: Spheres) -> None:

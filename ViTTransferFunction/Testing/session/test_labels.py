@@ -50,6 +50,23 @@ def test_what_rounding_makes_of_equal_maps_is_a_tie() -> None:
     assert labels_of((a_map(*values), 0.25), (a_map(*rounded), 0.25)) == [1, 1, 1, 1, 0]
 
 
+@pytest.mark.parametrize("shape", [(9, 8, 7), (4, 4, 9), (3, 10, 4)])
+def test_in_a_volume_of_many_blocks_classes_compete_as_in_a_single_one(
+    shape: tuple[int, int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    maps = np.random.default_rng(0).random((3, *shape), dtype=np.float32)
+
+    def won() -> np.ndarray:
+        competition = Competition(shape, np.uint8)
+        for similarity, iso in zip(maps, (0.5, 0.3, 0.6), strict=True):
+            competition.enter(similarity, iso, whole_box(shape))
+        return competition.labels
+
+    at_once = won()
+    monkeypatch.setattr(labels_module, "BLOCK_VOXELS", 4)
+    np.testing.assert_array_equal(won(), at_once)
+
+
 def test_every_label_is_counted_also_one_that_no_voxel_carries() -> None:
     assert count_labels(np.array([0, 3, 3, 1, 0], dtype=np.uint16).reshape(SHAPE), 4) == [1, 0, 2, 0]
 
@@ -87,9 +104,9 @@ def test_in_a_large_volume_components_are_not_looked_for_once_a_point(monkeypatc
     assert labels.all()
 
 
-@pytest.mark.parametrize("slices", [1, 2, 3])
+@pytest.mark.parametrize("slices", [0, 1, 2, 3])
 def test_in_a_large_volume_the_same_components_are_kept(slices: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Parts meet by faces, edges and corners, also where the volume is looked at in slabs."""
+    """Parts meet by faces, edges and corners, also where the volume is looked at in slabs; 0: one slice is more than a slab."""
     monkeypatch.setattr(labels_module, "SLAB_VOXELS", slices * 9 * 9)
     labels = (np.random.default_rng(slices).random((8, 9, 9)) < 0.06).astype(np.uint16)
     components, count = ndimage.label(labels, structure=np.ones((3, 3, 3)))

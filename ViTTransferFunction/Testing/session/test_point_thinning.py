@@ -60,6 +60,31 @@ def test_points_that_were_rounded_beyond_a_face_lie_in_its_voxels(face: float) -
     assert len(request.positive) == 1
 
 
+def test_points_that_were_rounded_beyond_a_face_are_thinned_as_those_within() -> None:
+    on_face = np.random.default_rng(0).uniform(-0.5, EDGES, (5000, 3))
+    on_face[:, 0] = -0.5 + np.random.default_rng(1).uniform(-5e-4, 5e-4, 5000)
+    beside = GEOMETRY.ijk_to_ras_points(on_face)
+    assert GEOMETRY.contains(beside).all()
+    (request,) = thinned([ClassRequest("a", beside)], GEOMETRY)
+    assert MOST_POINTS / 3 < len(request.positive) <= MOST_POINTS
+
+
+def test_as_many_points_are_left_of_a_length_along_every_axis() -> None:
+    thick = Geometry((30, 150, 150), np.diag([1.0, 1.0, 5.0, 1.0]))
+    along = np.linspace(0.0, 140.0, 5000)[:, None]
+    strokes = [along * axis for axis in np.eye(3)]
+    others = [ClassRequest(str(number), points) for number in range(9) for points in strokes[:1]]
+    (request, *_) = thinned([ClassRequest("a", np.concatenate(strokes)), *others], thick)
+    left = [np.count_nonzero(request.positive[:, axis] > 20.0) for axis in range(3)]
+    assert min(left) >= 5
+    assert max(left) <= min(left) + 1
+
+
+def test_of_more_lists_than_points_may_be_left_each_keeps_one() -> None:
+    requests = [ClassRequest(str(number), points(2, number), points(2, number + 1)) for number in range(MOST_POINTS)]
+    assert all((len(thin.positive), len(thin.negative)) == (1, 1) for thin in thinned(requests, GEOMETRY))
+
+
 def test_few_points_of_a_class_are_all_kept_beside_many_of_another() -> None:
     few, many = thinned(
         [ClassRequest("few", points(3), points(4)), ClassRequest("many", points(9000), points(9000, 1))], GEOMETRY
