@@ -192,8 +192,7 @@ def close_up_settings(settings: FeatureSettings, part: Geometry) -> FeatureSetti
         InputError: the part is so short that the grid would have fewer cells than a grid must have (`SMALLEST_GRID`).
     """
     most_cells = round(part.extent_mm.max() / part.spacing_mm.min()) if settings.isotropic else max(part.shape)
-    patches = MOST_PATCHES if settings.most_patches is None else min(settings.most_patches, MOST_PATCHES)
-    return replace(settings.with_grid(min(settings.grid, most_cells)), most_patches=patches)
+    return replace(settings.with_grid(min(settings.grid, most_cells)), most_patches=MOST_PATCHES)
 
 
 def largest_within(part: ClassMap, cells: Geometry) -> np.ndarray:
