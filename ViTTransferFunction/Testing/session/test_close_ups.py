@@ -309,9 +309,14 @@ def test_a_cell_has_the_largest_of_its_voxels_up_to_the_faces_of_the_volume(box:
     np.testing.assert_array_equal(of_cells, voxels.reshape(4, 3, 4, 3, 4, 3).max(axis=(1, 3, 5)))
 
 
+# A face of the volume, computed by it, comes out a little before the face.
+TURNED = np.array([[0.6, -1.6, 0.0, 100.1], [0.8, 1.2, 0.0, -50.3], [0.0, 0.0, 1.5, 70.7], [0.0, 0.0, 0.0, 1.0]])
+
+
 @pytest.mark.parametrize("box", PARTS)
-def test_cells_smaller_than_voxels_have_the_map_as_far_as_it_reaches(box: Box) -> None:
-    whole = Geometry((12, 12, 12), np.diag([-1.0, 2.0, 1.5, 1.0]))
+@pytest.mark.parametrize("ijk_to_ras", [np.diag([-1.0, 2.0, 1.5, 1.0]), TURNED], ids=["along the axes", "turned"])
+def test_cells_smaller_than_voxels_have_the_map_as_far_as_it_reaches(box: Box, ijk_to_ras: np.ndarray) -> None:
+    whole = Geometry((12, 12, 12), ijk_to_ras)
     part, cells = whole.part(box), whole.resized((17, 30, 20))
     reached = part.contains(cells.voxel_centres_ras()).reshape(cells.shape)
     reached[tuple(cells.nearest_voxels(part.voxel_centres_ras()).T)] = True
