@@ -67,6 +67,13 @@ def test_in_a_volume_of_many_blocks_classes_compete_as_in_a_single_one(
     np.testing.assert_array_equal(won(), at_once)
 
 
+def test_a_class_whose_map_reaches_its_iso_value_nowhere_wins_nothing_and_keeps_its_label() -> None:
+    competition = Competition(SHAPE, np.uint8)
+    assert not competition.enter(None, 0.5, None)
+    assert competition.enter(a_map(0.9, 0.1, 0.0, 0.0, 0.0), 0.5, whole_box(SHAPE))
+    assert competition.labels.ravel().tolist() == [2, 0, 0, 0, 0]
+
+
 def test_every_label_is_counted_also_one_that_no_voxel_carries() -> None:
     assert count_labels(np.array([0, 3, 3, 1, 0], dtype=np.uint16).reshape(SHAPE), 4) == [1, 0, 2, 0]
 
