@@ -65,12 +65,20 @@ class Corrected:
         self.volume = SimpleNamespace(content=SimpleNamespace(geometry=VOXELS), changed=False)
         self.proxy = SimpleNamespace(phase="ready", up_to_date=True, maps={}, low_maps={}, refined=())
         self.annotations = SceneAnnotations(scene, add_parameter_node(scene), lambda: self.hints.note())
-        parameters: Any = SimpleNamespace(volume=self.node)
-        maps: Any = self  # Has the requests.
-        self.hints = CloseUpHints(parameters, self.annotations, self.volume, maps, self.proxy)
+        self.hints = self._new_hints()
         self.id = self.annotations.add_class("aorta").id
         self.add(MIDDLE)
         self.show(self.id)
+
+    def _new_hints(self) -> CloseUpHints:
+        parameters: Any = SimpleNamespace(volume=self.node)
+        maps: Any = self  # Has the requests.
+        return CloseUpHints(parameters, self.annotations, self.volume, maps, self.proxy)
+
+    def open_anew(self) -> None:
+        """A scene is opened that has the class already."""
+        self.hints = self._new_hints()
+        self.hints.forget()
 
     @property
     def state(self) -> ClassState:

@@ -155,6 +155,12 @@ def test_what_was_drawn_before_scene_or_volume_were_others_suggests_nothing(corr
     assert corrected.reason() is None
 
 
+def test_a_small_drawing_in_a_scene_that_was_opened_with_its_structure_counts(corrected: Corrected) -> None:
+    corrected.open_anew()
+    corrected.draw(SMALL_MM)
+    assert corrected.reason() == "small drawing"
+
+
 def test_what_was_drawn_is_small_no_longer_when_a_point_of_it_was_moved(corrected: Corrected) -> None:
     corrected.draw(SMALL_MM)
     corrected.move(True, 0, FAR)

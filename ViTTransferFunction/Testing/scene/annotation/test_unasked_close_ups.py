@@ -67,6 +67,17 @@ def test_an_outline_of_which_a_point_was_removed_is_none_any_more(corrected: Cor
     assert corrected.unasked() == []
 
 
+def test_an_outline_beyond_which_there_is_nothing_of_the_scan_begins_none(corrected: Corrected) -> None:
+    id_ = corrected.annotations.add_class("all there is").id
+    outline = circle(SMALL_RADIUS_MM)
+    inside, _ = points_of_outline(outline, 1.0)
+    corrected.annotations.add_points(id_, inside, positive=True)
+    corrected.hints.note_outline(id_, outline)
+    corrected.show(id_)
+    corrected.proxy.refined = (True,) * len(corrected.proxy.maps)
+    assert corrected.unasked() == []
+
+
 def test_who_went_back_to_the_whole_stays_there(corrected: Corrected) -> None:
     id_ = corrected.begin(SMALL_RADIUS_MM)
     corrected.unasked()
