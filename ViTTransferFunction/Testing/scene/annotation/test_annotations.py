@@ -136,6 +136,13 @@ def test_where_the_selected_class_goes_it_is_the_one_that_was_selected_before(se
         assert selected() == name
 
 
+def test_of_structures_to_which_slicer_gave_one_name_the_first_is_brought_along(session: SceneSession) -> None:
+    first, second = (session.annotations.add_class(name) for name in ("liver", "spleen"))
+    session.annotations.points_node(second.id, positive=True).SetName("liver")
+    session.annotations.bring_along(session.classes)
+    assert [(state.name, state.color) for state in session.classes[2:]] == [("liver", first.color)]
+
+
 def test_a_duplicate_stands_below_its_original_with_its_settings_and_points(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
     session.annotations.set_class(id_, iso=0.25, refine=False, style="glass")

@@ -195,6 +195,8 @@ def test_segments_that_stay_are_told_of_after_the_points_followed_until_they_fol
     message = written.told()
     assert f"the segments of '{written.segmentation.GetName()}' were not" in message
     assert "the points" not in message
+    written.session.annotations.add_class("another")
+    assert written.told() == message
     written.segmentation.SetAndObserveTransformNodeID(transform.GetID())
     assert written.told() == ""
 

@@ -129,6 +129,23 @@ def test_a_click_on_a_sphere_in_3d_is_a_point_inside_it_also_where_the_volume_wa
     assert session.classes[0].negative == ()
 
 
+def test_a_point_is_placed_in_a_3d_view_while_points_are_placed_and_the_mouse_is_over_something_there(
+    slicer_app: Any, session_without_volume: SceneSession
+) -> None:
+    crosshair = slicer_app.scene.GetSingletonNode("default", "vtkMRMLCrosshairNode")
+    interaction = slicer_app.app_logic.GetInteractionNode()
+    crosshair.SetCursorPositionRAS(MIDDLE_RAS)
+    assert not placed_in_3d_view(slicer_app.scene, slicer_app.app_logic)
+    id_ = session_without_volume.annotations.add_class().id
+    start_placing(slicer_app, session_without_volume, id_, positive=True)
+    assert placed_in_3d_view(slicer_app.scene, slicer_app.app_logic)
+    crosshair.SetCursorPositionInvalid()
+    assert not placed_in_3d_view(slicer_app.scene, slicer_app.app_logic)
+    crosshair.SetCursorPositionRAS(MIDDLE_RAS)
+    interaction.SetCurrentInteractionMode(interaction.ViewTransform)
+    assert not placed_in_3d_view(slicer_app.scene, slicer_app.app_logic)
+
+
 @pytest.mark.parametrize("nothing", ["no volume", "a bent volume"])
 def test_where_a_3d_view_shows_no_structures_a_point_stays_where_it_was_placed(
     slicer_app: Any, session: SceneSession, nothing: str

@@ -54,6 +54,20 @@ def test_a_point_that_hangs_on_the_mouse_is_heard_of_once_when_it_is_placed(slic
     classes.close()
 
 
+def test_undo_and_redo_are_heard_of_once_each(slicer_app: Any) -> None:
+    heard: list[int] = []
+    classes = SceneAnnotations(
+        slicer_app.scene, add_parameter_node(slicer_app.scene), lambda: heard.append(len(classes.classes[0].positive))
+    )
+    state = classes.add_class("liver")
+    classes.add_points(state.id, np.zeros((1, 3)), positive=True)
+    heard.clear()
+    classes.undo()
+    classes.redo()
+    assert heard == [0, 1]
+    classes.close()
+
+
 def test_coordinates_that_are_typed_into_slicers_table_count_and_can_be_undone(session: SceneSession) -> None:
     state = session.annotations.add_class("liver")
     session.annotations.add_points(state.id, np.zeros((1, 3)), positive=True)
