@@ -73,7 +73,7 @@ class SceneAnnotations(WatchedClasses):
 
         It removes the classes that `bring_along` added to this volume, unless users have changed any class since.
         """
-        brought = class_nodes(self._parameter_node) if self._brought and self.classes == self._brought else []
+        brought = class_nodes(self._parameter_node) if self.classes == self._brought else []
         volume_id = self._histories.volume_id
 
         def remove_brought() -> None:
@@ -105,7 +105,7 @@ class SceneAnnotations(WatchedClasses):
         """
         ids = [state.id for state in self.classes]
         place = ids.index(id_)
-        ids.insert(min(max(place + step, 0), len(ids) - 1), ids.pop(place))
+        ids.insert(max(place + step, 0), ids.pop(place))
         with self._edit():
             order_classes(self._parameter_node, ids)
 
