@@ -139,6 +139,7 @@ def test_a_box_gives_points_in_all_of_it_wherever_it_was_turned_to(slicer_app: A
     turned = np.eye(4)
     turned[:3, :3] = OBLIQUE[:3, :3] / np.linalg.norm(OBLIQUE[:3, :3], axis=0)
     put_under(box, turned)
+    assert session.regions.markups(positive=True) == session.regions.markups(positive=False) == {box.GetID(): "box"}
     session.regions.add_markup(session.classes[0].id, box.GetID(), positive=True)
     points = points_of(session)
     in_box = points @ turned[:3, :3] - [5.0, 6.0, 7.0]
