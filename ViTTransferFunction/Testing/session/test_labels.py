@@ -70,8 +70,9 @@ def test_in_a_volume_of_many_blocks_classes_compete_as_in_a_single_one(
 def test_a_class_whose_map_reaches_its_iso_value_nowhere_wins_nothing_and_keeps_its_label() -> None:
     competition = Competition(SHAPE, np.uint8)
     assert not competition.enter(None, 0.5, None)
+    assert not competition.enter(a_map(0.0, 0.0, 0.0, 0.0, 0.0), 0.0, whole_box(SHAPE))
     assert competition.enter(a_map(0.9, 0.1, 0.0, 0.0, 0.0), 0.5, whole_box(SHAPE))
-    assert competition.labels.ravel().tolist() == [2, 0, 0, 0, 0]
+    assert competition.labels.ravel().tolist() == [3, 0, 0, 0, 0]
 
 
 def test_every_label_is_counted_also_one_that_no_voxel_carries() -> None:
