@@ -131,6 +131,30 @@ def test_weights_that_are_not_here_are_told_of_and_not_fetched_by_an_estimate(
     assert (estimate.cached, estimate.download) == (True, None)
 
 
+def test_of_features_in_the_cache_an_estimate_opens_no_network_and_says_no_time(
+    spheres: Spheres, tiny_weights: SessionSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    open_session(spheres[0], tiny_weights).load_features()
+    opened = Calls(monkeypatch, networks_module, "open_network")
+    estimate = open_session(spheres[0], tiny_weights).estimate()
+    assert (estimate.cached, estimate.seconds, estimate.model, opened.count) == (True, None, "tiny", 0)
+
+
+@pytest.mark.parametrize("name", [name for name, model in PRETRAINED_MODELS.items() if model.sha256 is None])
+def test_weights_that_are_not_here_and_whose_hash_nobody_publishes_are_told_of_and_asked_for(
+    spheres: Spheres, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise DownloadFailed("no network")
+
+    monkeypatch.setattr(sources, "download", fail)
+    session = open_session(spheres[0], SessionSettings(grid=GRID, model=name), trust=lambda *_: True)
+    estimate = session.estimate()
+    assert (estimate.cached, estimate.seconds, estimate.model) == (False, None, name)
+    with pytest.raises(WeightsUnavailable):
+        session.load_features()
+
+
 @pytest.mark.parametrize("ask_first", [False, True])
 def test_weights_of_which_no_estimate_told_are_fetched_only_where_nobody_has_to_be_asked(
     spheres: Spheres, monkeypatch: pytest.MonkeyPatch, ask_first: bool
