@@ -54,6 +54,7 @@ class Calls:
         ({"preset": "published"}, "Unknown preset 'published'"),
         ({"grid": 3}, "4 to 128 cells; got 3"),
         ({"window": (5.0, 5.0)}, "the lower first"),
+        ({"window": (5000.0, 6000.0)}, "shows nothing of"),
         ({"model": "dino_vits9"}, "Unknown model 'dino_vits9'"),
         ({"device": "tpu"}, "Unknown device 'tpu'"),
         ({"weights_path": "/not/there.pth"}, "no weights file"),
