@@ -158,12 +158,12 @@ class FeatureSource:
 
     def _features(self, progress: Progress, coarse_first: bool) -> Iterator[NormalisedFeatures]:
         weights = self._weights.known
-        if weights is None or not (weights.path.exists() or self._key(weights) in self._cache):
+        if weights is None:
             weights = self._weights.get(progress)
         check_memory_for_features(self._volume, self._size_bytes, self._key(weights) in self._cache)
         cached = self._cached(self._key(weights))
         if cached is None and not weights.path.exists():
-            weights = self._weights.get(progress)  # What was in the cache was damaged.
+            weights = self._weights.get(progress)  # Only now: features in the cache need none, unless they prove damaged.
         self.provenance = FeatureProvenance(
             weights, str(self._device), self._settings.on(self._device).precision, cached is not None
         )

@@ -22,6 +22,7 @@ from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.similarity import iso_chooser
+from ViTTransferFunction.Logic.weights import sources
 from ViTTransferFunction.Testing.support.allocation import peak_bytes
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.spheres import Spheres
@@ -92,6 +93,13 @@ def test_what_cannot_fit_is_refused_before_features_are_loaded(spheres: Spheres,
     monkeypatch.setattr(available_memory, "available_memory_bytes", lambda: 1000)
     with pytest.raises(InputError, match=r"Segmenting '.*' \(.* voxels\) takes at least .* resample it"):
         session.load_features()
+
+
+def test_what_cannot_fit_is_refused_before_weights_are_downloaded(spheres: Spheres, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sources, "_download", lambda *_: pytest.fail("downloaded for nothing"))
+    monkeypatch.setattr(available_memory, "available_memory_bytes", lambda: 1000)
+    with pytest.raises(InputError, match="takes at least"):
+        open_session(spheres[0], SessionSettings(grid=GRID)).load_features()
 
 
 @pytest.mark.parametrize(
