@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import torch
 from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
 from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.system.progress import Progress
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
@@ -26,7 +28,7 @@ from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights import sources
 from ViTTransferFunction.Logic.weights.download import DownloadFailed
-from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
+from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS, PretrainedModel
 from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable
 from ViTTransferFunction.Testing.support.disks import set_free_space
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
@@ -154,6 +156,27 @@ def test_weights_that_are_not_here_and_whose_hash_nobody_publishes_are_told_of_a
     assert (estimate.cached, estimate.seconds, estimate.model) == (False, None, name)
     with pytest.raises(WeightsUnavailable):
         session.load_features()
+
+
+def test_a_download_of_weights_is_followed_and_the_user_is_asked_whether_to_trust_them(
+    spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[tuple[object, ...]] = []
+
+    def download(*_: object, accept: Callable[[str], bool], progress: Progress, **__: object) -> None:
+        progress(1, 2, "Downloading")
+        accept("0" * 64)
+        raise DownloadFailed("not trusted")
+
+    def trust(model: PretrainedModel, sha256: str) -> bool:
+        told.append((model.name, sha256))
+        return False
+
+    monkeypatch.setattr(sources, "download", download)
+    session = open_session(spheres[0], SessionSettings(grid=GRID, model="dino_vits8"), trust=trust)
+    with pytest.raises(WeightsUnavailable, match="not trusted"):
+        session.load_features(lambda *progress: told.append(progress))
+    assert told == [(1, 2, "Downloading"), ("dino_vits8", "0" * 64)]
 
 
 @pytest.mark.parametrize("ask_first", [False, True])
