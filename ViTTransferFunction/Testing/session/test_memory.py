@@ -16,7 +16,7 @@ from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.background_tokens import background_cells
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.session import labels
-from ViTTransferFunction.Logic.session.memory_need import check_memory_for_features
+from ViTTransferFunction.Logic.session.memory_need import check_memory_for_features, check_memory_for_refinement
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
@@ -124,6 +124,14 @@ def test_features_in_the_cache_need_no_memory_to_be_computed(spheres: Spheres, m
     estimate = session.estimate()
     monkeypatch.setattr(available_memory, "available_memory_bytes", lambda: 2 * estimate.memory_bytes)
     assert session.load_features().cached
+
+
+@pytest.mark.parametrize("held_voxels", [(10, 1000), (1000, 10)])
+def test_of_several_structures_the_largest_has_to_fit(held_voxels: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    volume = Volume(np.arange(24.0).reshape(2, 3, 4), Geometry((2, 3, 4), np.eye(4)))
+    monkeypatch.setattr(available_memory, "available_memory_bytes", lambda: 3000)
+    with pytest.raises(InputError, match="takes at least"):
+        check_memory_for_refinement(volume, held_voxels, 1)
 
 
 def test_a_structure_too_large_to_refine_is_refused_before_any_is(
