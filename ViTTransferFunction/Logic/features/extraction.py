@@ -11,12 +11,14 @@ suits the device.
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core.system.errors import Cancelled
 from ..core.system.progress import Between, Progress, no_progress, one_at_a_time
 from ..core.system.undivided_threads import UndividedThreads
 from ..core.volumes.geometry import Geometry
@@ -90,9 +92,11 @@ class FeatureRun:
 
         For arguments and errors, see `extract_features`.
         """
-        done = 0
+        done, stopped = 0, threading.Event()
 
         def tell() -> None:
+            if stopped.is_set():
+                raise Cancelled
             progress(done, len(slices), f"Computing features{self._memory.trouble}")
 
         # Also while slices are run: large ones take a thread many seconds, in which somebody may cancel.
@@ -100,11 +104,17 @@ class FeatureRun:
         with UndividedThreads(self._device) as threads:
             tokens = [len(of_slice.chosen.places) for of_slice in slices]
             batches = list(in_batches(slices, tokens_at_once(tokens, self._device, threads.count)))
-            tell_in_turn()
-            for batch, keys in zip(batches, threads.results(batches, partial(self._keys, between=tell_in_turn)), strict=True):
-                self._add(batch, keys)
-                done += len(batch)
+            try:
                 tell_in_turn()
+                results = threads.results(batches, partial(self._keys, between=tell_in_turn))
+                for batch, keys in zip(batches, results, strict=True):
+                    self._add(batch, keys)
+                    done += len(batch)
+                    tell_in_turn()
+            except BaseException:
+                # What other threads have begun is of no use any more, be it an error of one of them or Ctrl-C here.
+                stopped.set()
+                raise
 
     def _keys(self, batch: Sequence[PlannedSlice], between: Between) -> Tensor:
         """The keys of a batch's chosen patches, slice by slice, (T, C)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -30,10 +31,12 @@ from ViTTransferFunction.Logic.features.slice_sampling import slice_samples
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.session.presets import PRESETS
 from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, TINY_ROTARY_MODEL, random_state_dict
 from ViTTransferFunction.Testing.support.torch_threads import torch_threads
 from ViTTransferFunction.Testing.support.volumes import stored_as, volume_of
 
+CPU = torch.device("cpu")
 WINDOW = IntensityWindow(0.0, 1.0)
 
 
@@ -289,6 +292,42 @@ def test_after_cancelling_no_slice_is_begun(spheres: tuple[Volume, np.ndarray]) 
     assert sum(begun) == in_the_end
 
 
+class FailingNetwork(MeanIntensityNetwork):
+    """Fails on one slice when another batch has been begun, which goes on until it is cancelled."""
+
+    def __init__(self, fails_on: torch.Tensor) -> None:
+        super().__init__()
+        self.fails_on = fails_on
+        self.begun, self.cancelled = threading.Event(), False
+
+    def keys_of_tokens(
+        self, slices: Sequence[PatchTokens], workspace: BufferPool | None = None, between: Between = nothing_between
+    ) -> torch.Tensor:
+        if torch.equal(slices[0].patches, self.fails_on):
+            assert self.begun.wait(LONGEST_WAIT_S)
+            raise InputError("This cannot be computed.")
+        self.begun.set()
+        ends = time.monotonic() + LONGEST_WAIT_S
+        while time.monotonic() < ends:
+            try:
+                between()
+            except Cancelled:
+                self.cancelled = True
+                raise
+            time.sleep(0.001)
+        raise AssertionError("nobody cancelled it")
+
+
+def test_after_an_error_other_threads_do_not_go_on_with_their_slices(spheres: tuple[Volume, np.ndarray]) -> None:
+    settings = FeatureSettings(grid=24)
+    plan = ExtractionPlan(spheres[0], settings)
+    first, patches = plan.slices[0], plan.patches(TINY_MODEL.patch_size, CPU)[0]
+    network = FailingNetwork(patches.tokens(first.sample.position, first.chosen).patches)
+    with torch_threads(2), pytest.raises(InputError, match="cannot be computed"):
+        extract_features(spheres[0], network, settings)
+    assert network.cancelled
+
+
 @given(st.permutations(range(3)), st.tuples(*[st.booleans()] * 3))
 def test_features_do_not_depend_on_how_the_voxels_are_stored(order: list[int], mirrored: tuple[bool, bool, bool]) -> None:
     array = np.random.default_rng(0).random((8, 10, 12)).astype(np.float32)
@@ -318,7 +357,6 @@ def test_the_announced_size_is_the_size(spheres: tuple[Volume, np.ndarray], tiny
     assert features.array.nbytes == features_size_bytes(spheres[0].geometry, settings, TINY_MODEL)
 
 
-CPU = torch.device("cpu")
 OTHER_SETTINGS: list[dict[str, Any]] = [
     {"grid": 65},
     {"most_patches": 500},
