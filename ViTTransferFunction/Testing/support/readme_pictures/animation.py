@@ -51,7 +51,7 @@ class Animation:
         self.show(picture, _PRESS_MS, pressed=True)
 
     def save(self, path: Path) -> None:
-        """Write an endless WebP, an eighth of the size that a GIF has."""
+        """Write an endless WebP, a quarter of the size that a GIF has."""
         first, *others = self._frames
         durations = self._durations_ms
         # Of each frame, only what is new.
