@@ -27,14 +27,13 @@ from ViTTransferFunction.Testing.support.bilateral_reference import (
     some_settings,
     with_either_slice,
 )
+from ViTTransferFunction.Testing.support.torch_threads import torch_threads
 
 
 @pytest.fixture(autouse=True)
 def _one_thread():
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
+    with torch_threads(1):
+        yield
 
 
 # --- The energy
@@ -239,8 +238,8 @@ def test_number_of_threads_changes_no_bit(solve, monkeypatch):
     target, luma = a_noisy_step((40, 20, 20))
     one = solve(target, luma, None, UNIT_SPACING, some_settings())
     monkeypatch.setattr(workers, "SHARED_VOXELS", 1)
-    torch.set_num_threads(3)
-    several = solve(target, luma, None, UNIT_SPACING, some_settings())
+    with torch_threads(3):
+        several = solve(target, luma, None, UNIT_SPACING, some_settings())
     assert torch.equal(one.map, several.map)
 
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-import torch
 
 from ViTTransferFunction.Logic.core.system.errors import Cancelled
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
@@ -14,6 +13,7 @@ from ViTTransferFunction.Logic.refinement import threshold_dynamics, workers
 from ViTTransferFunction.Logic.refinement.threshold_dynamics import Mark, settled
 from ViTTransferFunction.Testing.support.cancelling import cancel_at_call
 from ViTTransferFunction.Testing.support.masks import ball_mask, box_mask, dice
+from ViTTransferFunction.Testing.support.torch_threads import torch_threads
 from ViTTransferFunction.Testing.support.volumes import volume_of
 
 WINDOW = IntensityWindow(0.0, 200.0)
@@ -37,10 +37,8 @@ def after(mask: np.ndarray, scan: np.ndarray, *marks: Mark) -> np.ndarray:
 @pytest.fixture
 def two_threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(workers, "SHARED_VOXELS", 1)
-    before = torch.get_num_threads()
-    torch.set_num_threads(2)
-    yield
-    torch.set_num_threads(before)
+    with torch_threads(2):
+        yield
 
 
 def test_what_noise_wrote_into_a_surface_goes() -> None:

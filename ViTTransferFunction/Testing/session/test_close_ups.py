@@ -13,7 +13,6 @@ from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
 from ViTTransferFunction.Logic.core.classes.close_up_choice import close_up_of
 from ViTTransferFunction.Logic.core.system.errors import Cancelled
-from ViTTransferFunction.Logic.core.system.progress import Progress
 from ViTTransferFunction.Logic.core.volumes.geometry import Box, Geometry
 from ViTTransferFunction.Logic.core.volumes.intensity_window import CT_SOFT_TISSUE, display_window
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
@@ -25,6 +24,7 @@ from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.session.settings import SessionSettings
+from ViTTransferFunction.Testing.support.calls import Calls
 from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_close_up, cache_known_features
 from ViTTransferFunction.Testing.support.masks import dice
@@ -142,17 +142,10 @@ def test_close_ups_that_are_there_are_not_loaded_again_beside_another(
     session.look_closer(looked_at)
     box = CloseUp(tuple(centre_ras(spheres, 2)[0]), (30.0, 30.0, 30.0))
     cache_known_close_up(*spheres, box, looked_at[1].positive)
-    loaded: list[Volume] = []
-    load = SegmentationSession.load_features
-
-    def counted(self: SegmentationSession, progress: Progress) -> object:
-        loaded.append(self.volume)
-        return load(self, progress)
-
-    monkeypatch.setattr(SegmentationSession, "load_features", counted)
+    loads = Calls(monkeypatch, SegmentationSession, "load_features")
     both = [looked_at[0], replace(looked_at[1], close_up=box), looked_at[2]]
     session.look_closer(both)
-    assert len(loaded) == 1
+    assert loads.count == 1
     assert not session.awaiting_close_ups(both)
 
 

@@ -30,24 +30,11 @@ from ViTTransferFunction.Logic.weights import sources
 from ViTTransferFunction.Logic.weights.download import DownloadFailed
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS, PretrainedModel
 from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable
+from ViTTransferFunction.Testing.support.calls import Calls
 from ViTTransferFunction.Testing.support.disks import set_free_space
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL
-
-
-class Calls:
-    """Counts calls of a function that goes on as before."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, module: object, name: str) -> None:
-        self.count = 0
-        function = getattr(module, name)
-
-        def counted(*arguments: object, **named: object) -> object:
-            self.count += 1
-            return function(*arguments, **named)
-
-        monkeypatch.setattr(module, name, counted)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 MOVE_FRAMES = 9
 _MOVE_MS = 50
 _PRESS_MS = 160
-QUALITY = 65
+_QUALITY = 65
 _POINTER = [(0, 0), (0, 21), (5, 16.5), (8.5, 24), (12, 22.5), (8.5, 15), (15, 15)]
 """Corners of the arrow, in pixels from its tip."""
 
@@ -55,4 +55,4 @@ class Animation:
         first, *others = self._frames
         durations = self._durations_ms
         # Of each frame, only what is new.
-        first.save(path, save_all=True, append_images=others, duration=durations, loop=0, quality=QUALITY, minimize_size=True)
+        first.save(path, save_all=True, append_images=others, duration=durations, loop=0, quality=_QUALITY, minimize_size=True)
