@@ -15,6 +15,7 @@ from ViTTransferFunction.CommandLine.cohort.cases import Case
 from ViTTransferFunction.Logic.core.system.available_memory import available_memory_bytes
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.system.regular_file import is_folder
+from ViTTransferFunction.Logic.core.system.undivided_threads import UndividedThreads
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.files.volume_files import files_of, read_geometry, read_volume
@@ -69,10 +70,14 @@ def local_size(cases: Sequence[Case], settings: SessionSettings) -> ClusterSize:
     """
     from dask.system import CPU_COUNT
 
-    if choose_device(settings.device).type != "cpu":
+    device = choose_device(settings.device)
+    if device.type != "cpu":
         # One process fills a graphics processor, and several do not fit into its memory.
         return ClusterSize(1, CPU_COUNT)
-    return fitted_size(len(cases), CPU_COUNT, _case_bytes(cases, settings), available_memory_bytes(with_swap=False))
+    # Each thread of a worker needs memory, and where there is enough for a worker on each core, they have one thread each.
+    with UndividedThreads(device, shared=False):
+        case_bytes = _case_bytes(cases, settings)
+    return fitted_size(len(cases), CPU_COUNT, case_bytes, available_memory_bytes(with_swap=False))
 
 
 def largest_first(cases: Iterable[Case]) -> list[Case]:

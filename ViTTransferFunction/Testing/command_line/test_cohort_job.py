@@ -18,11 +18,11 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 import torch
 
-from ViTTransferFunction.CommandLine.cohort import folder_lock
+from ViTTransferFunction.CommandLine.cohort import cluster_size, folder_lock
 from ViTTransferFunction.CommandLine.cohort import job as job_module
 from ViTTransferFunction.CommandLine.cohort.case_work import segment_case
 from ViTTransferFunction.CommandLine.cohort.cases import Case
-from ViTTransferFunction.CommandLine.cohort.cluster_size import ClusterSize, fitted_size, largest_first
+from ViTTransferFunction.CommandLine.cohort.cluster_size import ClusterSize, fitted_size, largest_first, local_size
 from ViTTransferFunction.CommandLine.cohort.folder_lock import only_cohort_in
 from ViTTransferFunction.CommandLine.cohort.job import CaseJob, CohortSettings
 from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
@@ -37,6 +37,7 @@ from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.Testing.files.test_several_series import write_two
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
+from ViTTransferFunction.Testing.support.torch_threads import torch_threads
 
 HEADER = "ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = a.raw\n"
 REPORT = {"classes": [{"name": "liver", "millilitres": 12.5}]}
@@ -272,6 +273,24 @@ def test_workers_are_as_many_as_cores_cases_and_memory_allow(
     cases: int, cores: int, case_gb: int, free_gb: int, size: ClusterSize
 ) -> None:
     assert fitted_size(cases, cores, case_gb * 10**9, free_gb * 10**9) == size
+
+
+def test_memory_for_a_worker_does_not_depend_on_the_threads_of_the_process_that_asks(
+    tiny: CohortSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("dask.system")
+    write_noise(tmp_path / "a.nrrd")
+    asked: list[int] = []
+
+    def note(cases: int, cores: int, case_bytes: int, free_bytes: int | None) -> ClusterSize:
+        asked.append(case_bytes)
+        return ClusterSize(1, 1)
+
+    monkeypatch.setattr(cluster_size, "fitted_size", note)
+    for threads in (1, 12):
+        with torch_threads(threads):
+            local_size([Case("a", tmp_path / "a.nrrd", tmp_path / "a.json")], tiny.session)
+    assert asked[0] == asked[1]
 
 
 def test_a_damaged_header_that_itk_crashes_on_does_not_end_the_program_that_orders_the_cases(tmp_path: Path) -> None:
