@@ -123,6 +123,7 @@
     if (shown === dialog) return;
     if (!dialog) before = document.activeElement;
     dialog = shown;
+    for (const part of document.querySelectorAll(".panel, .views, .help")) part.inert = Boolean(shown);
     if (shown) shown.querySelector("button, input").focus();
     else if (before && before.isConnected) before.focus();
   }).observe(document.documentElement, { childList: true, subtree: true });
