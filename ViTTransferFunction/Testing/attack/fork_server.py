@@ -186,15 +186,26 @@ def _as_program(call: Call, stdout: int, stderr: int, ready: int) -> int:
     if call.folder_is_gone:
         Path(call.folder).rmdir()
     _limit(call)
+    program = None
     try:
         signal.signal(signal.SIGINT, signal.default_int_handler)
         os.close(ready)
         program = _program(call)
-    except KeyboardInterrupt:
+        return program()
+    except KeyboardInterrupt as interruption:
+        if program is not None and not _is_at_entry(interruption):
+            raise
         # Before the program has begun, nobody can ask it for a sentence.
         sys.stderr.write("interrupted; nothing was left half-written\n")
         return 130
-    return program()
+
+
+def _is_at_entry(interruption: KeyboardInterrupt) -> bool:
+    """Whether it came no later than at the `def` of the program's main function, before the first line that could take it."""
+    frames = list(traceback.walk_tb(interruption.__traceback__))
+    frame, line = frames[-1]
+    # `_as_program`, what `_program` returned, and the main function.
+    return len(frames) <= 3 and line == frame.f_code.co_firstlineno
 
 
 def _program(call: Call) -> Callable[[], int]:
