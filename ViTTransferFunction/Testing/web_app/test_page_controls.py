@@ -12,7 +12,11 @@ import SimpleITK as sitk  # noqa: N813
 
 pytest.importorskip("trame_slicer")
 
-
+from ViTTransferFunction.Logic.scene.mrml.transforms import numpy_matrix
+from ViTTransferFunction.Logic.scene.segments.scene_segments import SceneSegments
+from ViTTransferFunction.Logic.scene.views.rendering import ClassRendering
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import image_of
+from ViTTransferFunction.Testing.support.scenes import add_segment
 from ViTTransferFunction.WebApp.app import WebApp
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
@@ -127,6 +131,55 @@ def test_a_structure_is_duplicated_and_moved(opened: Callable[[Journey], None]) 
         assert app.session.selected_class == second
         app.actions("moveUp")
         assert app.session.classes == (second, first)
+        app.actions("moveDown")
+        assert app.session.classes == (first, second)
+
+    opened(journey)
+
+
+def test_the_structure_above_or_below_is_selected(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        for _ in range(3):
+            app.actions("addClass")
+        first, second, _ = (shown["id"] for shown in app.server.state.classes)
+        app.actions("previousClass")
+        assert app.server.state.selected == second
+        for _ in range(2):
+            app.actions("nextClass")
+        assert app.server.state.selected == first
+
+    opened(journey)
+
+
+def test_a_structure_is_made_smaller_and_larger_until_it_is_as_chosen_again(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        def size() -> tuple[float, float | None, bool]:
+            (structure,) = app.session.classes
+            return structure.size, structure.iso, app.server.state.settings["can_reset"]
+
+        app.actions("addClass")
+        for action, expected in (("smaller", -1.0), ("sizeAsChosen", 0.0), ("larger", 1.0)):
+            app.actions(action)
+            assert size() == (expected, None, expected != 0.0)
+        app.actions("set", "iso", 0.25)
+        app.actions("sizeAsChosen")
+        assert size() == (0.0, None, False)
+
+    opened(journey)
+
+
+def test_points_are_gone_through_in_the_slices_and_the_last_one_is_removed(opened: Callable[[Journey], None]) -> None:
+    points = np.array([[-10.0, -12.0, 8.0], [-14.0, -16.0, 11.0]])
+
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        app.session.annotations.add_points(app.session.classes[0].id, points, positive=True)
+        for point in (*points, points[0]):
+            app.actions("nextPoint")
+            for view in app.views.slices:
+                assert numpy_matrix(view.get_view_node().GetSliceToRAS())[:3, 3] == pytest.approx(point)
+        app.actions("removeLast")
+        assert app.session.classes[0].positive == (tuple(points[0]),)
 
     opened(journey)
 
@@ -138,6 +191,54 @@ def test_a_structure_is_begun_anew(opened: Callable[[Journey], None]) -> None:
         app.session.annotations.add_points(state.id, np.zeros((2, 3)), positive=False)
         app.actions("removePoints")
         assert app.session.classes == (state,)
+
+    opened(journey)
+
+
+def test_a_segment_of_the_session_is_continued_as_a_structure(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        node = app.scene.AddNewNodeByClass("vtkMRMLSegmentationNode", "of a colleague")
+        mask = np.zeros((8, 8, 8), dtype=bool)
+        mask[2:6, 2:6, 2:6] = True
+        liver = add_segment(node, "liver", mask, np.diag([-1.0, -1.0, 1.0, 1.0]))
+        app.session.set_segmentation(node)
+        for segment in ("no such segment", liver):
+            app.actions("continueSegment", segment)
+        app.session.wait()
+        app.refresh()
+        assert [(shown["name"], shown["positive"] > 0) for shown in app.server.state.classes] == [("liver", True)]
+
+    opened(journey)
+
+
+@pytest.mark.parametrize("answer", ["keep", "overwrite"])
+def test_segments_that_were_corrected_are_written_as_the_user_answers_and_the_question_goes(
+    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch, answer: str
+) -> None:
+    written: list[str] = []
+    monkeypatch.setattr(SceneSegments, "write", lambda self, corrections: written.append(corrections))
+
+    async def journey(app: WebApp) -> None:
+        app.actions("write")
+        app.server.state.corrected = ["liver"]
+        app.actions("write", answer)
+        assert (written, app.server.state.corrected) == (["ask", answer], [])
+        app.actions("write", "no such answer")
+        assert written == ["ask", answer]
+
+    opened(journey)
+
+
+def test_an_exported_rendering_is_removed_and_the_others_stay(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        for name in ("first", "second"):
+            rendering = ClassRendering(app.scene, app._slicer.app_logic)
+            rendering.show(app.session.parameters.volume, image_of(np.zeros((4, 4, 4, 4), np.uint8)), 1, {}, np.eye(4))
+            rendering.export(name)
+        app.refresh()
+        assert [shown["name"] for shown in app.server.state.exported] == ["first", "second"]
+        app.actions("removeExported", app.server.state.exported[0]["id"])
+        assert [shown["name"] for shown in app.server.state.exported] == ["second"]
 
     opened(journey)
 
