@@ -78,7 +78,7 @@ class Actions:
             "loadCamera": self._load_camera,
             "exportRendering": lambda: app.session.views.export_rendering(),
             "removeExported": self._remove_exported,
-            "continueSegment": self._continue_segment,
+            "continueSegment": lambda segment_id: app.session.continue_segment(str(segment_id)),
             "clearFeatures": lambda: CacheContents(app.session.parameters).clear_features(),
             "removeModel": lambda: app.session.remove_model(),
             "window": self._set_window,
@@ -207,7 +207,7 @@ class Actions:
     def _set_style(self, style: str) -> None:
         """Choose the selected class's style in 3D; tone, ramp and edges become those of the style."""
         if style in style_words():
-            self._set_fields(style=style, tone=None, ramp=None, edges=None)
+            self._set_fields(style=style)
 
     def _set_look(self, low: float | None, high: float | None, automatic: bool) -> None:
         """Set the intensities between which the selected class gets brighter in 3D; None: unchanged."""
@@ -223,7 +223,6 @@ class Actions:
         view, state = self._app.views.view_3d, self._app.server.state
         state.picture_width, state.picture_height = load_camera(self._app.session, view.render_window(), str(text))
         view.schedule_render()
-        self._app.views.settle()
 
     def _set_network_window(self, low: float | None, high: float | None, automatic: bool) -> None:
         """Set the range of intensities that the network sees; None: unchanged."""
@@ -236,11 +235,6 @@ class Actions:
         for volume in exported_renderings(self._app.scene):
             if volume.GetID() == id_:
                 remove_exported(self._app.scene, volume)
-
-    def _continue_segment(self, segment_id: str) -> None:
-        """Add a class with points from a segment of the session."""
-        if str(segment_id) in self._app.session.segments.names:
-            self._app.session.continue_segment(str(segment_id))
 
     def _show_segments(self, visible: bool) -> None:
         """Show or hide all segments, in all views."""
