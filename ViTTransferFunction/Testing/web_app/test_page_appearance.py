@@ -157,10 +157,15 @@ def test_only_styles_that_show_the_inside_have_edges(in_3d: Callable[[Journey], 
     in_3d(journey)
 
 
-def test_fading_out_of_range_is_taken_for_its_end(in_3d: Callable[[Journey], None]) -> None:
+@pytest.mark.parametrize(("sent", "taken"), [(7.0, 1.0), (-7.0, 0.0)])
+def test_what_is_out_of_a_slider_s_range_is_taken_for_its_end(
+    in_3d: Callable[[Journey], None], sent: float, taken: float
+) -> None:
     async def journey(app: WebApp) -> None:
-        app.actions("fade", 7.0)
-        assert app.session.classes[0].look.ramp == 0.0
+        app.actions("fade", sent)
+        app.actions("set", "opacity", sent)
+        look = app.session.classes[0].look
+        assert (look.ramp, look.opacity) == (1.0 - taken, taken)
 
     in_3d(journey)
 

@@ -14,6 +14,7 @@ pytest.importorskip("trame_slicer")
 
 from ViTTransferFunction.Logic.scene.mrml.transforms import numpy_matrix
 from ViTTransferFunction.Logic.scene.segments.scene_segments import SceneSegments
+from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.views.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import image_of
 from ViTTransferFunction.Testing.support.scenes import add_segment
@@ -75,6 +76,10 @@ def test_what_a_setting_cannot_be_leaves_it_as_it_is(opened: Callable[[Journey],
             app.actions("parameter", name, value)
         assert app.server.state.parameters == before
         assert app.session.parameters.get("windowLow") != 3.0
+        app.actions("addClass")
+        structures = app.session.classes
+        app.actions("set", "no such field", 1.0)
+        assert app.session.classes == structures
 
     opened(journey)
 
@@ -123,16 +128,33 @@ def test_without_a_map_there_is_no_threshold_to_see_or_to_keep(opened: Callable[
     opened(journey)
 
 
+def test_a_threshold_is_kept_as_it_is_chosen_and_let_go_again(
+    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(SceneSession, "chosen_iso", lambda self, id_: 0.375)
+
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        assert app.server.state.settings["automatic"]
+        for automatic, iso in ((False, 0.375), (True, None)):
+            app.actions("thresholdAutomatic", automatic)
+            assert (app.session.classes[0].iso, app.server.state.settings["automatic"]) == (iso, automatic)
+
+    opened(journey)
+
+
 def test_a_structure_is_duplicated_and_moved(opened: Callable[[Journey], None]) -> None:
     async def journey(app: WebApp) -> None:
         app.actions("addClass")
+        app.actions("addClass")
         app.actions("duplicate")
-        first, second = app.session.classes
-        assert app.session.selected_class == second
+        first, second, third = app.session.classes
+        assert app.session.selected_class == third
         app.actions("moveUp")
-        assert app.session.classes == (second, first)
+        assert app.session.classes == (first, third, second)
+        app.actions("moveUp")
         app.actions("moveDown")
-        assert app.session.classes == (first, second)
+        assert app.session.classes == (first, third, second)
 
     opened(journey)
 
@@ -180,6 +202,41 @@ def test_points_are_gone_through_in_the_slices_and_the_last_one_is_removed(opene
                 assert numpy_matrix(view.get_view_node().GetSliceToRAS())[:3, 3] == pytest.approx(point)
         app.actions("removeLast")
         assert app.session.classes[0].positive == (tuple(points[0]),)
+
+    opened(journey)
+
+
+def test_a_structure_is_removed_that_is_not_the_selected_one(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        app.actions("addClass")
+        first, second = app.session.classes
+        app.actions("remove", first.id)
+        assert app.session.classes == (second,)
+
+    opened(journey)
+
+
+def test_a_structure_is_hidden_and_shown(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        for visible in (False, True):
+            app.actions("show", app.session.classes[0].id, visible)
+            assert app.server.state.classes[0]["visible"] == app.session.classes[0].visible == visible
+
+    opened(journey)
+
+
+def test_without_a_structure_nothing_happens(opened: Callable[[Journey], None]) -> None:
+    asked: list[tuple[Any, ...]] = [
+        ("remove",), ("removePoints",), ("removeLast",), ("duplicate",), ("smaller",), ("sizeAsChosen",), ("nextClass",),
+        ("nextPoint",), ("set", "opacity", 0.5), ("thresholdAutomatic", False), ("look", 1.0, None, False),
+    ]  # fmt: skip
+
+    async def journey(app: WebApp) -> None:
+        for action in asked:
+            assert app.actions(*action)
+        assert (app.server.state.classes, app.server.state.message) == ([], "")
 
     opened(journey)
 
