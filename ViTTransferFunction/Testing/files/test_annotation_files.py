@@ -438,6 +438,19 @@ def test_what_is_drawn_on_another_volume_is_refused(tmp_path: Path) -> None:
         classes_from_markups({"lesion": curve(tmp_path, 8.0, 6, middle_i=-100.0)[0]}, {}, GEOMETRY)
 
 
+def test_several_markups_in_one_file_are_taken_together_and_then_none_is_the_outline(tmp_path: Path) -> None:
+    curve_path, _ = curve(tmp_path, 8.0, 6)
+    line_path = line(tmp_path, *GEOMETRY.ijk_to_ras_points(np.array([[10.0, 15.0, 5.0], [30.0, 15.0, 5.0]])))
+    list_path = write(tmp_path / "list.mrk.json", markups([{"position": [1.0, 2.0, 3.0]}], coordinateSystem="RAS"))
+    paths = (list_path, line_path, curve_path)
+    alone = [read_markups(path, GEOMETRY) for path in paths]
+    together: list[Any] = [json.loads(path.read_text(encoding="utf-8"))["markups"][0] for path in paths]
+    found = read_markups(write(tmp_path / "all.mrk.json", {"markups": together}), GEOMETRY)
+    np.testing.assert_array_equal(found.inside, np.concatenate([each.inside for each in alone]))
+    np.testing.assert_array_equal(found.outside, np.concatenate([each.outside for each in alone]))
+    assert [each.outline is None for each in (*alone, found)] == [True, True, False, True]
+
+
 def test_a_curve_of_two_points_and_one_off_a_structure_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"curve\.mrk\.json holds a closed curve with 2 points placed; expected 3 or more\."):
         read_markups(curve(tmp_path, 8.0, 2)[0], GEOMETRY)

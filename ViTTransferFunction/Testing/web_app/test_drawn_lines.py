@@ -51,6 +51,19 @@ def test_a_line_drawn_in_the_app_gives_points_inside_and_outside_in_one_step(ope
     opened(journey)
 
 
+@pytest.mark.parametrize("tool", ["lassoOn", "boxOff", "diameter"])
+def test_who_clicks_with_a_tool_that_draws_is_told_to_drag(opened: Callable[[Journey], None], tool: str) -> None:
+    async def journey(app: WebApp) -> None:
+        app.views.slices[0].render_window().SetSize(200, 200)
+        draw(app, tool, [[0.5, 0.5]])
+        app.refresh()
+        assert "Hold the left button down, and drag" in app.server.state.message
+        (structure,) = app.session.classes
+        assert (structure.positive, structure.negative) == ((), ())
+
+    opened(journey)
+
+
 def test_an_outline_drawn_in_the_app_gives_points_inside_and_around_in_one_step(opened: Callable[[Journey], None]) -> None:
     async def journey(app: WebApp) -> None:
         view = app.views.slices[0]
