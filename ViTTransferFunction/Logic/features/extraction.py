@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.system.errors import Cancelled
+from ..core.system.freed_memory import give_back_freed_memory
 from ..core.system.progress import Between, Progress, no_progress, one_at_a_time
 from ..core.system.undivided_threads import UndividedThreads
 from ..core.volumes.geometry import Geometry
@@ -83,7 +84,7 @@ class FeatureRun:
         self._key = feature_key(volume, network.model.name, network.weights_digest, settings, network.device)
         self._cells = volume.geometry.resized(grid_shape(volume.geometry, settings))
         self._patches = self.plan.patches(network.model.patch_size, network.device)
-        self._memory = BoundedMemory(network.converted(network.device, settings.dtype_on(network.device)))
+        self._network, self._precision = network, settings.dtype_on(network.device)
         self._device, self._channels = network.device, network.model.embed_dim
         self._sums = FeatureSums(self.plan.shape, self._channels, network.device)
 
@@ -92,12 +93,19 @@ class FeatureRun:
 
         For arguments and errors, see `extract_features`.
         """
+        self._run(slices, progress)
+        # What it needed is free again, and next it is something else that needs memory.
+        give_back_freed_memory()
+
+    def _run(self, slices: Sequence[PlannedSlice], progress: Progress) -> None:
         done, stopped = 0, threading.Event()
+        # Weights in this precision are in memory only while slices are run, and not once for every run that is planned.
+        memory = BoundedMemory(self._network.converted(self._device, self._precision))
 
         def tell() -> None:
             if stopped.is_set():
                 raise Cancelled
-            progress(done, len(slices), f"Computing features{self._memory.trouble}")
+            progress(done, len(slices), f"Computing features{memory.trouble}")
 
         # Also while slices are run: large ones take a thread many seconds, in which somebody may cancel.
         tell_in_turn = one_at_a_time(tell)
@@ -106,7 +114,7 @@ class FeatureRun:
             batches = list(in_batches(slices, tokens_at_once(tokens, self._device, threads.count)))
             try:
                 tell_in_turn()
-                results = threads.results(batches, partial(self._keys, between=tell_in_turn))
+                results = threads.results(batches, partial(self._keys, memory, between=tell_in_turn))
                 for batch, keys in zip(batches, results, strict=True):
                     self._add(batch, keys)
                     done += len(batch)
@@ -116,10 +124,10 @@ class FeatureRun:
                 stopped.set()
                 raise
 
-    def _keys(self, batch: Sequence[PlannedSlice], between: Between) -> Tensor:
+    def _keys(self, memory: BoundedMemory, batch: Sequence[PlannedSlice], between: Between) -> Tensor:
         """The keys of a batch's chosen patches, slice by slice, (T, C)."""
         tokens = [self._patches[of_slice.axis].tokens(of_slice.sample.position, of_slice.chosen) for of_slice in batch]
-        return self._memory.keys_of_tokens(tokens, between)
+        return memory.keys_of_tokens(tokens, between)
 
     def _add(self, batch: Sequence[PlannedSlice], keys: Tensor) -> None:
         of_slices = keys.split([len(of_slice.chosen.places) for of_slice in batch])

@@ -40,10 +40,12 @@ def progressive_features(
         Features on the same cells; the last are those of `extract_features`. Coarse ones have a key of their own, and there
         are none where they would see as many patches.
     """
-    coarse, fine = (FeatureRun(volume, network, of) for of in (_coarse(settings), settings))
-    for stage in (fine,) if coarse.plan.shape == fine.plan.shape else (coarse, fine):
-        stage.run(stage.plan.slices, progress)
-        yield stage.features()
+    stages = [FeatureRun(volume, network, of) for of in (_coarse(settings), settings)]
+    if stages[0].plan.shape == stages[1].plan.shape:
+        del stages[0]
+    while stages:
+        # While features are used, the sums that they were made of are not in memory.
+        yield _features(stages.pop(0), progress)
 
 
 def progressive_cost(volume: Volume, settings: FeatureSettings, network: VisionTransformer, speed: NetworkSpeed) -> FeatureCost:
@@ -57,6 +59,11 @@ def progressive_cost(volume: Volume, settings: FeatureSettings, network: VisionT
         seconds=coarse.seconds + fine.seconds,
         peak_bytes=max(coarse.peak_bytes, fine.peak_bytes),
     )
+
+
+def _features(stage: FeatureRun, progress: Progress) -> FeatureVolume:
+    stage.run(stage.plan.slices, progress)
+    return stage.features()
 
 
 def _coarse(settings: FeatureSettings) -> FeatureSettings:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+import weakref
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -22,6 +23,7 @@ from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWin
 from ViTTransferFunction.Logic.core.volumes.orientation import Orientation, canonical_orientation
 from ViTTransferFunction.Logic.core.volumes.resampling import sample_at
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.features import extraction
 from ViTTransferFunction.Logic.features.buffer_pool import BufferPool
 from ViTTransferFunction.Logic.features.extraction import extract_features, features_size_bytes
 from ViTTransferFunction.Logic.features.extraction_plan import ExtractionPlan
@@ -429,3 +431,20 @@ def test_no_patches_at_all_are_refused() -> None:
 def test_layers_are_skipped_or_pooled(fields: dict[str, Any]) -> None:
     with pytest.raises(InputError, match="layer_step must be 1 or more"):
         FeatureSettings(**fields)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_memory_is_given_back_when_no_thread_has_any_left(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer, monkeypatch: pytest.MonkeyPatch, threads: int
+) -> None:
+    in_use, begin, left = weakref.WeakSet[BufferPool](), BufferPool.__init__, list[int]()
+
+    def buffers_begin(pool: BufferPool) -> None:
+        begin(pool)
+        in_use.add(pool)
+
+    monkeypatch.setattr(BufferPool, "__init__", buffers_begin)
+    monkeypatch.setattr(extraction, "give_back_freed_memory", lambda: left.append(len(in_use)))
+    with torch_threads(threads):
+        extract_features(spheres[0], tiny_network, FeatureSettings(grid=8))
+    assert left == [0]

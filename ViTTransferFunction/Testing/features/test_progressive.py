@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from ViTTransferFunction.Logic.core.system.errors import Cancelled
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features import progressive as module
+from ViTTransferFunction.Logic.features.accumulation import FeatureSums
 from ViTTransferFunction.Logic.features.cost import NetworkSpeed, feature_cost
 from ViTTransferFunction.Logic.features.extraction import extract_features
 from ViTTransferFunction.Logic.features.progressive import progressive_cost, progressive_features
@@ -53,6 +56,34 @@ def test_cancelling_leaves_the_coarse_features(spheres: tuple[Volume, np.ndarray
     with pytest.raises(Cancelled):
         next(stages)
     assert np.isfinite(coarse.array).all()
+
+
+def test_while_features_are_used_neither_weights_in_their_precision_nor_their_sums_are_in_memory(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    weights, sums = weakref.WeakSet[VisionTransformer](), weakref.WeakSet[FeatureSums]()
+    convert, begin = VisionTransformer.converted, FeatureSums.__init__
+
+    def converted(network: VisionTransformer, device: torch.device | str, dtype: torch.dtype) -> VisionTransformer:
+        in_precision = convert(network, device, dtype)
+        if in_precision is not tiny_network:
+            assert not weights
+            weights.add(in_precision)
+        return in_precision
+
+    def sums_begin(of_stage: FeatureSums, *arguments: Any) -> None:
+        begin(of_stage, *arguments)
+        sums.add(of_stage)
+
+    monkeypatch.setattr(module, "_coarse", lambda settings: replace(settings, grid=6))
+    monkeypatch.setattr(VisionTransformer, "converted", converted)
+    monkeypatch.setattr(FeatureSums, "__init__", sums_begin)
+    # The sums of the last stage are there from the beginning, but take no memory before they are written to.
+    in_use = [
+        (len(weights), len(sums))
+        for _ in progressive_features(spheres[0], tiny_network, replace(SETTINGS, precision="bfloat16"))
+    ]
+    assert in_use == [(0, 1), (0, 0)]
 
 
 def test_few_patches_are_run_at_once(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
