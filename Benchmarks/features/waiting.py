@@ -26,7 +26,8 @@ from ViTTransferFunction.Logic.session.settings import SessionSettings
 
 RUNS = 2
 STARTING_S = 3.0
-"""The process is started when the panel is opened, and has loaded its libraries by the time that a scan is chosen."""
+"""The process is started when the panel is opened, and has loaded its libraries by the time that a scan is chosen: when its
+memory has not grown for so long."""
 POLL_S = 0.005
 MOST_S = 600.0
 
@@ -53,10 +54,9 @@ def waited(volume: Volume, settings: SessionSettings, starting_s: float = STARTI
     with cache_of_its_own():
         try:
             proxy.start()
-            time.sleep(starting_s)
             assert proxy.pid is not None
             process = psutil.Process(proxy.pid)
-            idle = process.memory_info().rss + volume.array.nbytes
+            idle = _bytes_once_started(process, starting_s) + volume.array.nbytes
             proxy.open(TakeVolume(volume.array, volume.geometry, volume.name), settings)
             estimating_s, _ = _until(lambda: proxy.estimate is not None, proxy, process)
             estimate = proxy.estimate
@@ -74,6 +74,14 @@ def waited(volume: Volume, settings: SessionSettings, starting_s: float = STARTI
         "bytes": max(peak, peak_at_first) - idle,
         "said_bytes": estimate.memory_bytes,
     }
+
+
+def _bytes_once_started(process: psutil.Process, starting_s: float) -> int:
+    before, now = -1, 0
+    while now > before:
+        time.sleep(starting_s)
+        before, now = now, process.memory_info().rss
+    return now
 
 
 def _until(condition: Callable[[], bool], proxy: SegmentationProxy, process: psutil.Process) -> tuple[float, int]:
