@@ -348,6 +348,7 @@ def test_why_there_is_no_folder_for_the_cache_stands_where_it_is_looked_at(
         assert "no such home folder" in cache["text"]
         assert not cache["has_features"]
         assert not cache["has_model"]
+        app.actions("advanced", False)
 
     opened(journey)
 
