@@ -74,6 +74,7 @@ def test_the_bar_of_a_view_follows_its_zoom_and_its_size(opened: Callable[[Journ
     opened(journey)
 
 
+@pytest.mark.slow
 def test_slices_of_a_small_specimen_are_told_apart(new_page: Callable[[], AppPage], tmp_path: Path) -> None:
     image = sitk.GetImageFromArray(np.random.default_rng(0).normal(0.0, 8.0, (20, 22, 24)))
     image.SetSpacing([0.005] * 3)
