@@ -77,6 +77,7 @@ def waited(volume: Volume, settings: SessionSettings, starting_s: float = STARTI
 
 
 def _bytes_once_started(process: psutil.Process, starting_s: float) -> int:
+    """What the idle process has resident when its libraries are loaded: what did not grow for `starting_s` seconds."""
     before, now = -1, 0
     while now > before:
         time.sleep(starting_s)

@@ -184,6 +184,7 @@ def test_only_name_and_positive_points_are_required(tmp_path: Path) -> None:
         (one_class(positive=3), "not a list of finite"),
         (one_class(color="red"), "color of class 'liver' is 'red'"),
         (one_class(color="#gggggg"), "color of class 'liver'"),
+        (one_class(color=[0, 0, 255]), "color of class 'liver'"),
         (one_class(color=[0, 0, 1.01]), "color of class 'liver'"),
         (one_class(color=["1", 0, 0]), "color of class 'liver'"),
         (one_class(color=[True, 0, 0]), "color of class 'liver'"),
