@@ -158,6 +158,9 @@ def _high_padding(sample: np.ndarray, volume: Volume) -> float | None:
     if highest <= HIGHEST_CT:
         return None
     measured = sample[sample < highest]
+    if measured.size and measured.min() < LOWEST_CT:
+        # That may be padding as well, and says nothing about how far measured intensities reach.
+        measured = measured[measured > measured.min()]
     if not measured.size or highest - measured.max() <= FAR_AWAY * (float(measured.max()) - float(measured.min())):
         return None
     return highest if _is_at_border(highest, volume.array) else None

@@ -77,6 +77,21 @@ def test_a_ct_whose_corners_are_padded_with_a_value_far_above_all_else_is_one(pa
     assert not looks_like_hounsfield_units(volume_of(np.where(layers < 2, padding, mr)))
 
 
+@pytest.mark.parametrize("low", [-2000.0, -8192.0, -32768.0, -1e5])
+@pytest.mark.parametrize("high", [32767.0, 65535.0])
+def test_a_scan_that_is_padded_at_both_ends_is_seen_as_if_it_were_not_padded(low: float, high: float) -> None:
+    """As where a CT with empty corners is put into a larger grid."""
+    measured = np.random.default_rng(0).uniform(-1000.0, 1200.0, (30, 30, 30))
+    ct, mr = measured.copy(), np.abs(measured)
+    for scan in (ct, mr):
+        scan[:4], scan[4:8] = high, low
+    assert looks_like_hounsfield_units(volume_of(ct))
+    assert without_high_padding(volume_of(ct)).array.max() == ct[8:].max()
+    if low < intensity_window.LOWEST_CT:
+        assert not looks_like_hounsfield_units(volume_of(mr))
+        assert percentile_window(volume_of(mr)) == percentile_window(volume_of(mr[8:]))
+
+
 @pytest.mark.parametrize("padding", HIGH_PADDINGS)
 @pytest.mark.parametrize("outside_percent", [0.5, 0.02])
 def test_what_is_padded_with_a_value_far_above_all_else_has_the_window_of_what_was_measured(
