@@ -17,6 +17,8 @@ _LONGEST = 1 << 26
 _LONGEST_VALUE = 500
 """Teem writes what it complains of, which may be a whole field, into room for a thousand characters, and crashes."""
 _PATIENT_SPACE = re.compile(r"(RAS|LAS|LPS|(right|left)-(anterior|posterior)-superior)(T|-time)?", re.IGNORECASE)
+_TURNED_WITH_TIME = re.compile(r"(RAS|LAS)T|(right|left)-anterior-superior-time", re.IGNORECASE)
+"""Spaces that ITK, and so Slicer, takes for left-posterior-superior."""
 
 
 def locate(path: Path, start: bytes) -> StoredVoxels | None:
@@ -37,6 +39,12 @@ def locate(path: Path, start: bytes) -> StoredVoxels | None:
             raise InputError(f"{path} is damaged: its header has {len(value)} characters for {field[:40]!r}. Save it again.")
     for field in ("spaceunits", "units"):
         check_units(path, re.findall('"([^"]*)"', fields.get(field, "")))
+    space = fields.get("space", "")
+    if _TURNED_WITH_TIME.fullmatch(space):
+        raise InputError(
+            f"{path} lies in the space '{space}', whose sides would be exchanged; expected one without time, such as "
+            "'right-anterior-superior'. Save the time point alone."
+        )
     name = fields.get("datafile")
     if name is not None:
         # Teem takes a minus sign for the standard input.
