@@ -3,7 +3,8 @@
 Enhanced images give both for each frame in functional groups (DICOM PS3.3, C.7.6.16.2), to which ITK gives no access. It reads
 two consecutive phases, frames in any order, and planes in several directions as one volume. If distances differ, even by
 rounding, it sets all spacings to 1 mm, also within the plane, and reads descending frames as ascending ones. If frames have
-different scales, it applies that of the first to all.
+different scales, it applies that of the first to all. Of some kinds of images, such as tomographies of the eye (OCT), it reads no
+positions and directions.
 """
 
 from __future__ import annotations
@@ -36,11 +37,11 @@ POSITION, ORIENTATION, PIXEL_SIZE = "0020|0032", "0020|0037", "0028|0030"
 
 
 def frame_positions(path: Path, image: sitk.Image, on_warning: Callable[[str], None]) -> np.ndarray | None:
-    """Read the positions of a file's frames; also restores the image's spacing and direction if ITK has lost them.
+    """Read the positions of a file's frames; also restores the image's spacing, origin and directions if ITK has lost them.
 
     Args:
         path: path of the DICOM file.
-        image: the image as ITK read it; its spacing and direction may be changed.
+        image: the image as ITK read it; its spacing, origin and directions may be changed.
         on_warning: called with a message if the distance between the frames is a guess, or if some seem to be missing.
 
     Returns:
@@ -63,6 +64,8 @@ def frame_positions(path: Path, image: sitk.Image, on_warning: Callable[[str], N
         return None
     directions = _numbers(path, _ORIENTATION, 6, frames + 1)
     turned = len(directions) > 1 and np.abs(directions - directions[0]).max() > LARGEST_TURN
+    if len(directions):
+        _restore_place(image, directions[0].reshape(2, 3), positions)
     heights = _heights(positions, image)
     if turned or len(positions) != frames or not _in_order(heights) or not _has_pixel_size(path, image, heights):
         raise InputError(
@@ -127,6 +130,19 @@ def _heights(positions: np.ndarray, image: sitk.Image) -> np.ndarray:
     return heights
 
 
+def _restore_place(image: sitk.Image, in_plane: np.ndarray, positions: np.ndarray) -> None:
+    """Give the image the first frame's origin, and its directions (2, 3) of rows and columns if ITK has others."""
+    axes = image.GetDimension()
+    image.SetOrigin((*positions[0].tolist(), *image.GetOrigin()[3:]))
+    directions = np.array(image.GetDirection()).reshape(axes, axes)
+    normal = np.cross(*in_plane)
+    is_valid = abs(np.linalg.norm(normal) - 1.0) <= LARGEST_TURN
+    if is_valid and np.abs(directions[:3, :2].T - in_plane).max() > LARGEST_TURN:
+        normal *= np.copysign(1.0, normal @ (positions[-1] - positions[0]))
+        directions[:3, :3] = np.stack([*in_plane, normal], axis=1)
+        image.SetDirection(directions.ravel().tolist())
+
+
 def _in_order(heights: np.ndarray) -> bool:
     """Whether each frame lies beyond the one before."""
     steps = np.diff(heights) * np.sign(heights[-1] - heights[0])
@@ -134,20 +150,20 @@ def _in_order(heights: np.ndarray) -> bool:
 
 
 def _has_pixel_size(path: Path, image: sitk.Image, heights: np.ndarray) -> bool:
-    """Whether the image's pixel size is known; if ITK has lost it, it is restored.
+    """Whether the image's pixel size is known and the same in all frames; if ITK has lost it, it is restored.
 
     With it, ITK loses the distance between frames and their direction, which are restored as well.
     """
     across_mm, down_mm, distance_mm, *further = image.GetSpacing()
     distances = np.abs(np.diff(heights))
     fits = bool(np.abs(distances - distance_mm).max() <= SAME_DISTANCE * distance_mm)
-    # 1 mm along all axes may be the spacing of the file, or the value by which ITK has replaced another one.
-    if fits and (across_mm, down_mm, distance_mm) != (1.0, 1.0, 1.0):
-        return True
     sizes = _numbers(path, _PIXEL_SPACING, 2, len(heights) + 1)
-    if not len(sizes):
+    if not (sizes == sizes[:1]).all():
+        return False
+    # 1 mm along all axes may be the spacing of the file, or the value by which ITK has replaced another one.
+    if not len(sizes) or (fits and (across_mm, down_mm, distance_mm) != (1.0, 1.0, 1.0)):
         return fits
-    if not (sizes == sizes[0]).all() or not (sizes[0] > 0.0).all():
+    if not (sizes[0] > 0.0).all():
         return False
     down_mm, across_mm = sizes[0].tolist()
     image.SetSpacing((across_mm, down_mm, float(distances.mean()), *further))

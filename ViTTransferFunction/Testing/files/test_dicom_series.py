@@ -263,6 +263,7 @@ ASCENDING = [0.0, 2.0, 4.0, 6.0, 8.0]
 ROUNDED = [0.0, 0.62, 1.25, 1.88, 2.5]
 """Of frames 0.625 mm apart."""
 ENHANCED_CT, ULTRASOUND = "1.2.840.10008.5.1.4.1.1.2.1", "1.2.840.10008.5.1.4.1.1.3.1"
+OCT = "1.2.840.10008.5.1.4.1.1.77.1.5.4"
 AXIAL, CORONAL, A_QUARTER_TURN = "1\\0\\0\\0\\1\\0", "1\\0\\0\\0\\0\\-1", "0\\1\\0\\-1\\0\\0"
 
 
@@ -288,12 +289,16 @@ def write_frames(
     placed: bool = True,
     shift: float = 0.0,
     scales: Sequence[tuple[float, float]] = (),
+    pixel_sizes: Sequence[str] = (),
 ) -> Path:
     """Write an image with a frame at each height, shifted by a share of that, whose stored voxels are ten times as many.
 
-    `scales` has the slope and intercept of each frame, where not all have 1 and 0.
+    `scales` has the slope and intercept of each frame, where not all have 1 and 0, and `pixel_sizes` has theirs.
     """
-    measures = sequence(0x28, 0x9110, element(0x18, 0x50, "DS", "2") + element(0x28, 0x30, "DS", "1.5\\1.25"))
+    thickness = element(0x18, 0x50, "DS", "2")
+    measures, *own_measures = (
+        sequence(0x28, 0x9110, thickness + element(0x28, 0x30, "DS", size)) for size in ("1.5\\1.25", *pixel_sizes)
+    )
     frames = [
         sequence(0x20, 0x9113, element(0x20, 0x32, "DS", f"10\\{20 + shift * height}\\{height}"))
         + sequence(0x20, 0x9116, element(0x20, 0x37, "DS", orientation))
@@ -301,8 +306,10 @@ def write_frames(
     ]
     for index, scale in enumerate(scales):
         frames[index] += rescaling(*scale)
+    for index, measured in enumerate(own_measures):
+        frames[index] += measured
     voxels = np.repeat(10 * np.array(heights), 42).astype("<i2").tobytes()
-    shared = measures + (b"" if scales else rescaling(1, 0))
+    shared = (b"" if own_measures else measures) + (b"" if scales else rescaling(1, 0))
     functional_groups = [sequence(0x5200, 0x9229, shared), sequence(0x5200, 0x9230, *frames)]
     pixels = pixel_format(len(heights)) + element(0x28, 0x103, "US", 1)
     return write_elements(
@@ -481,6 +488,23 @@ def test_frames_that_are_no_stack_are_refused(
     file = write_frames(tmp_path / "scan" / "1.dcm", heights, orientations)
     with pytest.raises(InputError, match="no stack of slices"):
         read_volume(file.parent if as_folder else file)
+
+
+@pytest.mark.parametrize("heights", [ASCENDING, ASCENDING[::-1]])
+def test_frames_of_a_kind_whose_places_itk_passes_over_lie_where_they_say(tmp_path: Path, heights: list[float]) -> None:
+    file = write_frames(tmp_path / "1.dcm", heights, [A_QUARTER_TURN] * 5, kind=OCT)
+
+    volume = read_volume(file, pytest.fail)
+
+    centres = volume.geometry.ijk_to_ras_points(np.array([[0, 0, k] for k in range(5)]))
+    np.testing.assert_allclose(centres, [[-10, -20, height] for height in heights], atol=1e-6)
+    np.testing.assert_allclose(volume.geometry.ijk_to_ras[:3, :2], [[0.0, 1.5], [-1.25, 0.0], [0.0, 0.0]], atol=1e-6)
+
+
+def test_frames_whose_pixels_differ_in_size_are_refused(tmp_path: Path) -> None:
+    file = write_frames(tmp_path / "1.dcm", ASCENDING, pixel_sizes=["1.5\\1.25"] * 4 + ["1.5\\1.5"])
+    with pytest.raises(InputError, match="no stack of slices"):
+        read_volume(file)
 
 
 @pytest.mark.parametrize("as_folder", [False, True])
