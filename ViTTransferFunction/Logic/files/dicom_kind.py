@@ -1,4 +1,4 @@
-"""What DICOM files hold that is no scan, though ITK may make a volume of its numbers: segmentations, doses, films, mosaics.
+"""What DICOM files hold that is no scan, though ITK may make a volume of it: segmentations, doses, films, mosaics, raw SPECT.
 
 Everything would run on such a volume, and nothing of it would mean anything. What a file is, its SOP class says (DICOM PS3.4,
 B.5), which stands at its beginning, in elements of explicit types whatever follows.
@@ -40,6 +40,10 @@ _BY_CLASS = {
 }
 """By SOP class, or by its beginning up to a dot; what fits first counts."""
 
+_GAMMA_CAMERA = f"{_STORAGE}20"
+_NOT_RECONSTRUCTED = re.compile(rb"\\(STATIC|WHOLE BODY|DYNAMIC|GATED|TOMO|GATED TOMO|RECON GATED TOMO)\\")
+"""In the image type: all but what is one volume (DICOM PS3.3, C.8.4.9.1.1.3)."""
+
 _MOSAIC_TYPES = {"MOSAIC", "VFRAME"}
 """Values of the image type, of Siemens and of United Imaging."""
 _FRAME_TIMES = ("(0018,1063)", "(0018,1065)")
@@ -58,10 +62,21 @@ def instead_of_scan(path: Path, header: sitk.ImageFileReader | None = None) -> s
     Raises:
         InputError: the file cannot be read.
     """
-    found = _CLASS.search(read_start(path, _START_BYTES))
+    start = read_start(path, _START_BYTES)
+    found = _CLASS.search(start)
     sop_class = found[2].decode() if found else ""
     fits = (told for key, told in _BY_CLASS.items() if sop_class == key or (key[-1] == "." and sop_class.startswith(key)))
-    return next(fits, "") or ("" if header is None else _by_header(header))
+    told = next(fits, "") or (_of_gamma_camera(start) if sop_class == _GAMMA_CAMERA else "")
+    return told or ("" if header is None else _by_header(header))
+
+
+def _of_gamma_camera(start: bytes) -> str:
+    kind = _NOT_RECONSTRUCTED.search(start)
+    if kind is None:
+        return ""
+    if kind[1].startswith(b"RECON"):
+        return "several volumes of a heartbeat, one after the other; expected one. Export one of them, or their sum, alone."
+    return f"a set of pictures of a gamma camera, from which a scan is reconstructed; {_SCAN}"
 
 
 def _by_header(header: sitk.ImageFileReader) -> str:

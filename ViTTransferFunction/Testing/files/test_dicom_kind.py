@@ -15,6 +15,8 @@ from ViTTransferFunction.Testing.files.test_dicom_series import (
     ASCENDING,
     ULTRASOUND,
     element,
+    pixel_format,
+    sequence,
     stack,
     write_elements,
     write_frames,
@@ -78,6 +80,42 @@ def test_beside_a_scan_its_segmentation_is_passed_over(tmp_path: Path) -> None:
 
     np.testing.assert_array_equal(volume.array, stack(6).array)
     assert ["passed over, since they are no volumes" in warning for warning in warnings] == [True]
+
+
+@pytest.mark.parametrize("placed", [False, True])
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [
+        ("TOMO", "is a set of pictures of a gamma camera"),
+        ("WHOLE BODY", "is a set of pictures of a gamma camera"),
+        ("RECON GATED TOMO", "is several volumes of a heartbeat, one after the other; expected one"),
+    ],
+)
+def test_what_a_gamma_camera_took_is_no_scan_before_it_is_reconstructed(
+    tmp_path: Path, kind: str, told: str, placed: bool
+) -> None:
+    file = gamma_camera(tmp_path / "nm" / "1.dcm", kind, placed)
+    for path in (file, file.parent):
+        with pytest.raises(InputError, match=told):
+            read_volume(path)
+    write_dicom(file.parent, stack(6))
+    warnings: list[str] = []
+    np.testing.assert_array_equal(read_volume(file.parent, warnings.append).array, stack(6).array)
+    assert ["passed over, since they are no" in warning for warning in warnings] == [True]
+
+
+def test_what_was_reconstructed_of_a_gamma_camera_is_a_scan(tmp_path: Path) -> None:
+    assert read_volume(gamma_camera(tmp_path / "1.dcm", "RECON TOMO", placed=True)).shape == (5, 6, 7)
+
+
+def gamma_camera(path: Path, kind: str, placed: bool) -> Path:
+    """Write five frames of this kind; ITK reads those that are placed."""
+    about = element(8, 8, "CS", f"ORIGINAL\\PRIMARY\\{kind}\\EMISSION")
+    place = element(0x20, 0x32, "DS", "0\\0\\0") + element(0x20, 0x37, "DS", "1\\0\\0\\0\\1\\0")
+    detector = sequence(0x54, 0x22, place if placed else b"")
+    pixels = element(0x7FE0, 0x10, "OW", np.arange(5 * 42, dtype="<i2").tobytes())
+    elements = pixel_format(5), detector, pixels
+    return write_elements(path, f"{STORAGE}.20", "1.2.3", *elements, about=about)
 
 
 @pytest.mark.parametrize("as_folder", [False, True])

@@ -338,10 +338,10 @@ def pixel_format(frames: int) -> bytes:
     return kind + b"".join(element(0x28, number, "US", value) for number, value in numbers.items())
 
 
-def write_elements(path: Path, kind: str, name: str, *elements: bytes) -> Path:
-    """Write a DICOM file of the elements behind those that say what it is, of what series."""
+def write_elements(path: Path, kind: str, name: str, *elements: bytes, about: bytes = b"") -> Path:
+    """Write a DICOM file of the elements behind those that say what it is, `about` before all, and of what series."""
     meta = element(2, 2, "UI", kind) + element(2, 3, "UI", name) + element(2, 0x10, "UI", "1.2.840.10008.1.2.1")
-    head = element(8, 0x16, "UI", kind) + element(8, 0x18, "UI", name) + element(8, 0x60, "CS", "CT")
+    head = about + element(8, 0x16, "UI", kind) + element(8, 0x18, "UI", name) + element(8, 0x60, "CS", "CT")
     series = element(0x20, 0x0D, "UI", "1.2.4") + element(0x20, 0x0E, "UI", "1.2.5")
     content = b"".join((element(2, 0, "UL", struct.pack("<L", len(meta))), meta, head, series, *elements))
     path.parent.mkdir(exist_ok=True)
