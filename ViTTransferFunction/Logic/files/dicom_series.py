@@ -71,6 +71,7 @@ def read_series(folder: Path, on_warning: Callable[[str], None], series: str | N
     if len(slices) == 1:
         image = with_frame_scales(slices[0].path, image)
         return image, frame_positions(slices[0].path, image, on_warning)
+    image.SetSpacing((*slices[0].pixel_mm.tolist(), *image.GetSpacing()[2:]))
     _warn_of_unsaid(folder, slices, on_warning)
     warn_of_gaps(folder, heights(slices), [_name(each.path, folder) for each in slices], on_warning)
     return image, np.array([each.position for each in slices])

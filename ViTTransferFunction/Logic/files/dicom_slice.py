@@ -217,7 +217,11 @@ def _directions(reader: sitk.ImageFileReader) -> np.ndarray:
 
 def _pixel_mm(reader: sitk.ImageFileReader) -> np.ndarray:
     said = text_of(reader, PIXEL_SIZE)
-    are_numbers = not said or all(number_of(part) is not None for part in said.split("\\"))
+    down_and_across = said.split("\\")
+    if len(down_and_across) == 2 and all(map(_is_length, down_and_across)):
+        # Of angiographies and radiographs, ITK reads the size that a pixel has on the detector.
+        return np.array(down_and_across[::-1], dtype=float)
+    are_numbers = not said or all(number_of(part) is not None for part in down_and_across)
     return np.array(reader.GetSpacing()[:2]) if are_numbers else np.zeros(2)
 
 

@@ -9,6 +9,9 @@ _NO_PIXELS = re.compile(
 )
 """How sentences begin that GDCM has for whatever it cannot decode, and that say nothing to users."""
 
+_NO_SPACING = re.compile(r"Refusing to change spacing from .* to \[([^]]*)\]|axis \d+ spacing \((\S*)\) invalid")
+"""Messages of ITK and Teem about unusable spacings."""
+
 
 def last_line(error: Exception) -> str:
     """SimpleITK's own sentence, without the C++ source lines above it, and a matrix of numbers below."""
@@ -20,4 +23,6 @@ def last_line(error: Exception) -> str:
             "it holds no pixels, or they are damaged, or compressed in a way that is not known. Copy it again, or export it "
             "without compression."
         )
+    if spacing := _NO_SPACING.search(line):
+        return f"its spacing is {spacing[1] or spacing[2]} mm; expected numbers above 0. Save it again from its source."
     return line

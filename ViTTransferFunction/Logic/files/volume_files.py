@@ -58,9 +58,6 @@ UNNAMED = "volume"
 _NRRD_AXES = re.compile(r"number of domain axes in the NRRD file \((\d+)\)")
 """ITK's message if the number of axes does not match the length of their direction vectors."""
 
-_NO_SPACING = re.compile(r"Refusing to change spacing from .* to \[([^]]*)\]|axis \d+ spacing \((\S*)\) invalid")
-"""Messages of ITK and Teem about unusable spacings."""
-
 _NIFTI_COPIES = 2
 """Copies of the voxels in memory while ITK reads NIfTI: the reader's and the image's. Other formats need only the image's."""
 
@@ -274,8 +271,6 @@ def _in_words(error: RuntimeError) -> str:
         )
     if "determinant is 0" in str(error):
         return "two of its axes have one direction, or one has none. Save it again from its source."
-    if spacing := _NO_SPACING.search(reason):
-        return f"its spacing is {spacing[1] or spacing[2]} mm; expected numbers above 0. Save it again from its source."
     if axes := _NRRD_AXES.search(reason):
         return f"its header has {axes[1]} axes of space or time; expected the 3 of space. {_alone(int(axes[1]))}"
     return reason

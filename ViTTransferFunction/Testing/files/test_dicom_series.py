@@ -359,16 +359,19 @@ def write_slices(
     pixel_size: str = "1.5\\1.25",
     orientation: str = AXIAL,
     moment: int = 0,
+    kind: str = "1.2.840.10008.5.1.4.1.1.2",
+    distance: str = "",
 ) -> Path:
     """Write five slices of a time point, that lack an element of those that say where their pixels lie."""
     for k in range(5):
         place = {POSITION: f"10\\20\\{2 * k}", ORIENTATION: orientation, PIXEL_SIZE: pixel_size}
         said = {tag: element(*tag, "DS", value) for tag, value in place.items() if tag != without}
+        between = element(0x18, 0x88, "DS", distance)
         pixels = pixel_format(1) + said.pop(PIXEL_SIZE, b"") + element(0x28, 0x103, "US", 1)
         voxels = element(0x7FE0, 0x10, "OW", np.arange(k, k + 42, dtype="<i2").tobytes())
         name, time_point = 10 * moment + k, element(0x20, 0x100, "IS", str(moment))
-        elements = (*said.values(), time_point, pixels, voxels)
-        write_elements(folder / f"{name}.dcm", "1.2.840.10008.5.1.4.1.1.2", f"1.2.3.{name}", *elements)
+        elements = (between, *said.values(), time_point, pixels, voxels)
+        write_elements(folder / f"{name}.dcm", kind, f"1.2.3.{name}", *elements)
     return folder
 
 
@@ -376,6 +379,18 @@ def write_slices(
 def test_of_slices_that_do_not_say_how_large_their_pixels_are_there_is_a_warning(tmp_path: Path, given: dict[str, Any]) -> None:
     (warning,) = warnings_of(write_slices(tmp_path / "scan", **given))
     assert "do not say how far apart their pixels are: 1 mm is taken" in warning
+
+
+def test_pixels_have_the_size_that_slices_say_whatever_kind_they_are_of(tmp_path: Path) -> None:
+    """ITK looks elsewhere in those of angiography."""
+    volume = read_volume(write_slices(tmp_path / "scan", kind="1.2.840.10008.5.1.4.1.1.12.1"), pytest.fail)
+    np.testing.assert_allclose(volume.geometry.spacing_mm, [1.25, 1.5, 2.0])
+
+
+def test_slices_that_say_they_are_no_distance_apart_are_refused_in_words_for_users(tmp_path: Path) -> None:
+    """ITK does not read them, though their positions say better."""
+    with pytest.raises(InputError, match=r"its spacing is 1.25, 1.5, 0 mm; expected numbers above 0"):
+        read_volume(write_slices(tmp_path / "scan", distance="0"))
 
 
 def test_pixel_sizes_that_are_no_numbers_are_refused(tmp_path: Path) -> None:
