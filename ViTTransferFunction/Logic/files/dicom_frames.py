@@ -3,8 +3,8 @@
 Enhanced images give both for each frame in functional groups (DICOM PS3.3, C.7.6.16.2), to which ITK gives no access. It reads
 two consecutive phases, frames in any order, and planes in several directions as one volume. If distances differ, even by
 rounding, it sets all spacings to 1 mm, also within the plane, and reads descending frames as ascending ones. If frames have
-different scales, it applies that of the first to all. Of some kinds of images, such as tomographies of the eye (OCT), it reads no
-positions and directions.
+different scales, it applies that of the first to all. Of some kinds of images, such as tomographies of the eye (OCT), it reads
+no positions and directions.
 """
 
 from __future__ import annotations
