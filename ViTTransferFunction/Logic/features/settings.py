@@ -24,7 +24,7 @@ SMALLEST_GRID, LARGEST_GRID = 4, 128
 CELL_DECIMALS = 4
 """To which edges count, in cells: a volume that is turned, or stored in single precision, is as long as before but for rounding
 errors, and has the same cells, also where an edge is half a cell longer than a whole number of them."""
-FORMAT_VERSION = 12
+FORMAT_VERSION = 13
 """Part of every key: to be raised when the same settings come to give other features, or these other whitened ones."""
 FINE_SPACING_MM = 0.0073
 """Below it, units of 2⁻¹⁴ mm would round away the proportions of voxels. Neither it nor a half of a half of it is a usual size,
