@@ -76,12 +76,17 @@ def test_what_the_processor_computed_is_found_when_the_card_is_full_again(sphere
 def test_other_errors_of_a_card_are_not_taken_for_a_lack_of_memory(
     spheres: Spheres, with_card: SessionSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    tried: list[int] = []
+
     def fail(*arguments: object) -> None:
+        tried.append(1)
         raise RuntimeError("CUDA error: an illegal memory access was encountered")
 
     monkeypatch.setattr(networks_module, "open_network", fail)
     with pytest.raises(RuntimeError, match="illegal memory access"):
         open_session(spheres[0], with_card).load_features()
+    # On the processor, it would fail as well.
+    assert len(tried) == 1
 
 
 def test_a_processor_without_memory_is_not_tried_twice(

@@ -273,6 +273,11 @@ def test_the_former_model_is_taken_where_its_weights_are_here_and_none_is_chosen
     assert chosen_model(replace(automatic, weights_path=None, former_model=None)).name == "dinov2_vits14"
 
 
+def test_a_former_model_whose_weights_are_not_here_is_passed_over_and_not_downloaded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sources, "_download", lambda *_: pytest.fail("fetched without being asked for"))
+    assert chosen_model(SessionSettings(former_model="dinov2_vitb14")).name == "dinov2_vits14"
+
+
 def test_who_loads_features_that_cannot_be_kept_is_told_why(
     tiny_weights: SessionSettings, spheres: Spheres, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -61,6 +61,9 @@ def test_a_structure_that_has_points_keeps_them_and_the_other_one_gets_a_number(
     annotate(session, spheres)
     session.set_volume(follow_up.volume)
     follow_up.click(session)
+    first = session.classes[0]
+    session.annotations.remove_points(first.id)
+    session.annotations.add_points(first.id, np.array(first.positive), positive=False)
     mine = session.classes
     session.other_scans.take_over(*session.other_scans.names)
     assert session.classes[:3] == mine
@@ -74,6 +77,8 @@ def test_points_of_a_scan_that_was_removed_can_be_had_when_it_is_loaded_again(
     first, second, _ = annotate(session, spheres)
     session.annotations.add_points(first, np.array([[1000.0, 0.0, 0.0]]), positive=False)  # In neither.
     session.annotations.set_class(second, visible=False)
+    session.annotations.add_points(session.annotations.add_class("none of these").id, centre_ras(spheres, 3), positive=False)
+    session.annotations.continue_segment("segment of the scan", "tumour", (1.0, 0.0, 0.0), centre_ras(spheres, 1))
     classes = session.classes
     slicer_app.scene.RemoveNode(session.parameters.volume)
     assert session.other_scans.names == {}
@@ -83,7 +88,7 @@ def test_points_of_a_scan_that_was_removed_can_be_had_when_it_is_loaded_again(
     assert [(state.positive, state.negative) for state in session.classes] == [
         (state.positive, state.negative) for state in classes
     ]
-    assert all(state.visible for state in session.classes)
+    assert all(state.visible and not state.continues for state in session.classes)
 
 
 def test_points_of_a_scan_whose_file_was_not_found_can_be_had_as_the_user_is_told(
@@ -120,8 +125,8 @@ def test_scans_of_one_name_are_two(slicer_app: Any, session: SceneSession, spher
 def test_of_structures_of_one_name_none_takes_the_place_of_another(
     slicer_app: Any, session: SceneSession, spheres: Spheres
 ) -> None:
-    """A scan was removed and loaded again, twice, and what was clicked first each time has the name that it gets by itself."""
-    for label in (1, 2):
+    """A scan was removed and loaded again, and what was clicked first each time has the name that it gets by itself."""
+    for label in (1, 2, 1):
         session.annotations.set_classes(())
         session.annotations.add_points(session.annotations.add_class().id, centre_ras(spheres, label), positive=True)
         slicer_app.scene.RemoveNode(session.parameters.volume)
