@@ -95,7 +95,7 @@ class LeftBehind:
             home, left = last.home, last.left
             moved = not _is_same(last.ijk_to_world, ijk_to_world)
             if moved:
-                left = left | {id_: stayed for id_, stayed in points.items() if last.points.get(id_) == stayed}
+                left = {id_: stayed for id_, stayed in points.items() if last.points.get(id_) == stayed}
             if last.segments_to_world is not None and segments_to_world is not None:
                 stayed_there = _is_same(last.segments_to_world, segments_to_world)
                 # Those that were moved first are where the volume is by now: they have voxels of its grid.

@@ -22,6 +22,7 @@ from ViTTransferFunction.Testing.support.scenes import (
     add_parameter_node,
     add_volume,
     annotate,
+    bend,
     open_spheres,
     put_under,
     segment_masks,
@@ -99,6 +100,13 @@ def test_what_is_moved_together_is_not_told_of_in_whatever_order(place: Place) -
     assert place.told() == ()
     place.transform.SetMatrixTransformToParent(vtk_matrix(np.eye(4)))
     assert place.told() == ()
+
+
+def test_what_was_moved_together_is_told_of_when_the_volume_comes_back_alone(place: Place) -> None:
+    place.put_under_transform(*place.lists, place.volume)
+    assert place.told() == ()
+    place.volume.SetAndObserveTransformNodeID(None)
+    assert place.told()
 
 
 def test_points_that_are_moved_alone_are_their_users_affair(place: Place) -> None:
@@ -198,6 +206,24 @@ def test_segments_that_stay_are_told_of_after_the_points_followed_until_they_fol
     written.session.annotations.add_class("another")
     assert written.told() == message
     written.segmentation.SetAndObserveTransformNodeID(transform.GetID())
+    assert written.told() == ""
+
+
+def test_in_another_scene_nothing_was_moved(slicer_app: Any, written: Written) -> None:
+    slicer_app.scene.StartState(slicer_app.scene.RestoreState)
+    put_under(written.volume, MOVED)
+    slicer_app.scene.EndState(slicer_app.scene.RestoreState)
+    assert written.told() == ""
+
+
+def test_segments_that_follow_are_not_told_of_with_points_that_stay(written: Written) -> None:
+    transform = put_under(written.volume, MOVED)
+    written.segmentation.SetAndObserveTransformNodeID(transform.GetID())
+    assert "'sphere 3' were not" in written.told()
+
+
+def test_of_segments_that_are_bent_nobody_can_say_whether_they_were_left(written: Written) -> None:
+    bend(written.segmentation)
     assert written.told() == ""
 
 

@@ -235,3 +235,22 @@ def test_each_file_whose_points_were_placed_on_another_scan_is_told_of(
     for number in range(len(annotated)):
         session.file_classes.add(read_annotations(tmp_path / f"{number}.json", session.file_classes.geometry))
         assert saved.told() == tuple(iter(session.take_error, None)) != ()
+
+
+def test_points_of_each_file_are_told_of_until_they_are_gone_and_those_that_were_there_before_are_not_meant(
+    saved: SavedScene, other: Volume, tmp_path: Path
+) -> None:
+    session = saved.session
+    of_files, mine = session.file_classes.annotated()[:2], session.classes[2]
+    for state in session.classes[:2]:
+        session.annotations.remove_class(state.id)
+    set_image(session.parameters.volume, other.array, other.geometry.ijk_to_ras)
+    assert saved.told() == ()
+    for each in of_files:
+        session.file_classes.add([each])
+    assert saved.told()
+    for state in session.classes[::-1]:
+        if state.id != mine.id:
+            assert saved.told()
+            session.annotations.remove_class(state.id)
+    assert saved.told() == ()

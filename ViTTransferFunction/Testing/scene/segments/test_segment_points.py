@@ -143,7 +143,10 @@ def test_a_search_that_fails_is_over(a_segmentation: Any, monkeypatch: pytest.Mo
 def test_a_class_continues_a_segment_in_one_step(session: SceneSession, a_segmentation: Any, a_volume: Any) -> None:
     segment_id = add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE)
     a_segmentation.GetSegmentation().GetSegment(segment_id).SetColor(0.2, 0.4, 0.6)
+    told: list[bool] = []
+    session.add_observer(lambda: told.append(session.busy))
     session.continue_segment(segment_id)
+    assert told[-1:] == [True]
     session.wait()
     (state,) = session.classes
     assert (state.name, state.color, state.continues) == ("liver", pytest.approx((0.2, 0.4, 0.6)), segment_id)
@@ -209,10 +212,14 @@ def test_a_segment_without_voxels_of_its_own_is_not_taken_for_empty(session: Sce
     assert (state.name, bool(state.positive)) == ("implant", True)
 
 
-def test_a_segment_that_is_deleted_meanwhile_is_not_continued(session: SceneSession, a_segmentation: Any) -> None:
+@pytest.mark.parametrize("what", ["the segment", "the segmentation"])
+def test_a_segment_that_is_deleted_meanwhile_is_not_continued(session: SceneSession, a_segmentation: Any, what: str) -> None:
     segment_id = add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE)
     session.continue_segment(segment_id)
-    a_segmentation.GetSegmentation().RemoveSegment(segment_id)
+    if what == "the segment":
+        a_segmentation.GetSegmentation().RemoveSegment(segment_id)
+    else:
+        a_segmentation.GetScene().RemoveNode(a_segmentation)
     session.wait()
     assert (session.classes, session.take_error()) == ((), None)
 
