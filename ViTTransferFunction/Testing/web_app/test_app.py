@@ -303,6 +303,19 @@ def test_a_session_that_lacks_its_volume_is_opened_and_says_so(
     opened(journey)
 
 
+@pytest.mark.parametrize(("busy", "drawing_quickly", "waits"), [(False, False, False), (True, False, True), (True, True, False)])
+def test_the_3d_view_waits_while_something_is_computed_unless_its_look_is_being_changed(
+    opened: Callable[[Journey], None], busy: bool, drawing_quickly: bool, waits: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def journey(app: WebApp) -> None:
+        with monkeypatch.context() as there:
+            there.setattr(type(app.session), "busy", busy)
+            there.setattr(type(app.session.views), "drawing_quickly", drawing_quickly)
+            assert [strategy._is_urgent() for strategy in app.views._factory_3d.strategies] == [waits]
+
+    opened(journey)
+
+
 @pytest.mark.parametrize(
     ("dtype", "factor"), [(np.int8, 1), (np.uint8, 1), (np.int64, 1), (np.int64, 10**9), (np.uint64, 1), (np.float64, 0.3)]
 )
