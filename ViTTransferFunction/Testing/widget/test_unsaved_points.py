@@ -16,6 +16,8 @@ pytest.importorskip("trame_slicer")
 pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
+from PySide6.QtCore import Qt
+from PySide6.QtTest import QTest
 
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.unsaved_files import UnsavedFile
@@ -24,7 +26,7 @@ from ViTTransferFunction.Testing.support.scenes import add_volume
 from ViTTransferFunction.Testing.support.sequences import Sequence
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.unsaved_points import kept_in
-from ViTTransferFunction.Testing.support.widgets import wait_until
+from ViTTransferFunction.Testing.support.widgets import in_front, wait_until
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
@@ -158,6 +160,23 @@ def test_what_is_discarded_is_gone(panel: Any, scan: Any, click: Click, folder: 
     assert not list(folder.iterdir())
 
 
+def test_the_keyboard_goes_on_to_the_structures_when_what_it_was_at_has_gone(
+    panel: Any, host: Any, scan: Any, click: Click, spheres: Spheres
+) -> None:
+    click()
+    leave(panel, spheres[0])
+    slicer.mrmlScene.Clear(False)
+    panel.ui.volumeSelector.setCurrentNode(add_volume(slicer.mrmlScene, spheres[0]))
+    settle(panel)
+    in_front(host.window)
+    panel.ui.discardPointsButton.setFocus()
+    wait_until(panel.ui.discardPointsButton.hasFocus)
+    QTest.keyClick(panel.ui.discardPointsButton, Qt.Key.Key_Space)
+    settle(panel)
+    assert not panel.ui.unsavedFrame.isVisible()
+    assert panel.ui.addClassButton.hasFocus()
+
+
 def test_what_another_slicer_is_still_working_on_and_points_of_another_scan_are_not_offered(
     panel: Any, scan: Any, click: Click, spheres: Spheres
 ) -> None:
@@ -185,6 +204,30 @@ def test_points_that_were_saved_with_the_scene_are_not_kept_and_those_that_come_
     wait_until(lambda: not kept_in(folder))
     click()
     wait_until(lambda: points_kept_in(folder) == [{"liver": 2}])
+
+
+def test_of_a_scene_with_two_scans_that_was_saved_the_points_of_neither_are_kept(
+    panel: Any, scan: Any, click: Click, folder: Path, spheres: Spheres, tmp_path: Path
+) -> None:
+    click()
+    wait_until(lambda: len(kept_in(folder)) == 1)
+    other = add_volume(slicer.mrmlScene, Volume(spheres[0].array[::-1].copy(), spheres[0].geometry, "other"))
+    panel.ui.volumeSelector.setCurrentNode(other)
+    click()
+    wait_until(lambda: len(kept_in(folder)) == 2)
+    save(tmp_path / "scene")
+    wait_until(lambda: not kept_in(folder))
+
+
+def test_points_that_were_saved_right_before_a_restart_are_not_kept(
+    panel: Any, scan: Any, click: Click, folder: Path, tmp_path: Path
+) -> None:
+    click()
+    wait_until(lambda: bool(kept_in(folder)))
+    settle(panel)
+    save(tmp_path / "scene")
+    slicer.app.moduleManager().unload("ViTTransferFunction")
+    assert not kept_in(folder)
 
 
 def test_a_scene_that_was_changed_after_it_was_saved_becomes_what_it_was_changed_to(
@@ -378,7 +421,7 @@ ON_A_SCAN = OPEN + (
     "from ViTTransferFunction.Logic.core.volumes.geometry import Geometry\n"
     "from ViTTransferFunction.Logic.core.volumes.volume import Volume\n"
     "from ViTTransferFunction.Testing.support.scenes import add_volume\n"
-    "from ViTTransferFunction.Testing.support.widgets import wait_until\n"
+    "from ViTTransferFunction.Testing.support.widgets import in_front, wait_until\n"
     "array = np.random.default_rng(1).normal(0.0, 8.0, (20, 22, 24)).astype(np.float32)\n"
     "volume = Volume(array, Geometry(array.shape, np.eye(4)), 'ct')\n"
     "ui.volumeSelector.setCurrentNode(add_volume(slicer.mrmlScene, volume))\n"
