@@ -303,7 +303,9 @@ def test_a_session_that_lacks_its_volume_is_opened_and_says_so(
     opened(journey)
 
 
-@pytest.mark.parametrize(("busy", "drawing_quickly", "waits"), [(False, False, False), (True, False, True), (True, True, False)])
+@pytest.mark.parametrize(
+    ("busy", "drawing_quickly", "waits"), [(False, False, False), (True, False, True), (True, True, False)]
+)
 def test_the_3d_view_waits_while_something_is_computed_unless_its_look_is_being_changed(
     opened: Callable[[Journey], None], busy: bool, drawing_quickly: bool, waits: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:

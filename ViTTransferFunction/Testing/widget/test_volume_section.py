@@ -304,6 +304,38 @@ def test_nothing_looks_begun_while_a_download_is_asked_about(widget: Any, volume
     assert shown == [(True, False)]
 
 
+def test_nothing_is_begun_for_another_volume_that_is_chosen_while_a_download_is_asked_about(
+    widget: Any, volume: Any, slicer_app: Any, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session, asked, started = widget.panel.session, [], []
+    other = add_volume(slicer_app.scene, spheres[0])
+
+    def agree(text: str, windowTitle: str = "") -> bool:
+        asked.append(text)
+        widget.ui.volumeSelector.setCurrentNode(other)
+        return True
+
+    monkeypatch.setattr(slicer.util, "confirmOkCancelDisplay", agree)
+    monkeypatch.setattr(session, "start_extraction", lambda: started.append("extraction"))
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    widget.ui.extractButton.click()
+    wait_until(lambda: bool(asked))
+    assert started == []
+
+
+def test_what_was_pressed_and_cancelled_before_its_cost_is_known_is_not_begun(
+    widget: Any, volume: Any, questions: list[str]
+) -> None:
+    session = widget.panel.session
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    widget.ui.extractButton.click()
+    widget.ui.extractionCancelButton.click()
+    assert widget.ui.extractionStartRow.isVisible()
+    wait_until(lambda: session.estimate is not None and not session.busy)
+    QTest.qWait(1)
+    assert questions == []
+
+
 def test_nothing_follows_a_press_once_the_module_is_unloaded(widget: Any, volume: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """By then, the widgets are gone."""
     from ViTTransferFunction.Widget.volume_section import VolumeSection
