@@ -18,7 +18,7 @@ from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features import networks as networks_module
-from ViTTransferFunction.Logic.features import whitening
+from ViTTransferFunction.Logic.features import progressive, whitening
 from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.features.networks import Networks
 from ViTTransferFunction.Logic.features.precision import precision_name
@@ -104,6 +104,17 @@ def test_an_estimate_says_what_clicks_on_coarse_features_take_as_well(spheres: S
     alone, with_clicks = session.estimate(), session.estimate(coarse_first=True)
     session.load_features()
     assert with_clicks.memory_bytes > alone.memory_bytes + 2 * session.features.array.nbytes
+    assert with_clicks.model == alone.model == "tiny"
+
+
+def test_coarse_features_can_be_used_before_the_final_ones(
+    spheres: Spheres, tiny_weights: SessionSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progressive, "COARSE_PATCHES", 4**3)
+    session, used = open_session(spheres[0], tiny_weights), list[np.ndarray]()
+    session.load_features(on_coarse=lambda: used.append(session.features.array))
+    assert used[-1] is session.features.array
+    assert not np.array_equal(used[0], used[-1])
 
 
 def test_weights_that_are_not_here_are_told_of_and_not_fetched_by_an_estimate(
@@ -116,6 +127,8 @@ def test_weights_that_are_not_here_are_told_of_and_not_fetched_by_an_estimate(
     assert estimate.download is not None
     assert (estimate.download.url, estimate.download.sha256) == (model.url, model.sha256)
     assert Path(estimate.download.target).name == model.file_name
+    with_clicks = open_session(spheres[0], SessionSettings(grid=GRID)).estimate(coarse_first=True)
+    assert with_clicks.memory_bytes > estimate.memory_bytes
     cache_known_features(*spheres)
     estimate = open_session(spheres[0], SessionSettings(grid=GRID)).estimate()
     assert (estimate.cached, estimate.download) == (True, None)
