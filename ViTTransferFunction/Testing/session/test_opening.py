@@ -308,6 +308,7 @@ def test_features_are_used_where_the_disk_of_the_cache_is_full(
     set_free_space(monkeypatch, 1)
     session = open_session(spheres[0], tiny_weights)
     assert "disk is full" in session.load_features().not_kept
+    assert "disk is full" in session.not_kept
     assert session.features is not None
     assert FeatureCache().entries() == []
 
