@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -34,7 +35,7 @@ def progressive_features(
         volume: intensities and geometry.
         network: loaded weights on the device to compute on.
         settings: of the final features.
-        progress: called with slices done.
+        progress: called with what is done of all features, the coarse ones included.
 
     Yields:
         Features on the same cells; the last are those of `extract_features`. Coarse ones have a key of their own, and there
@@ -43,9 +44,14 @@ def progressive_features(
     stages = [FeatureRun(volume, network, of) for of in (_coarse(settings), settings)]
     if stages[0].plan.shape == stages[1].plan.shape:
         del stages[0]
+    # By patches and not by slices, of which each has more in the finer stage; those in the background count as well, since
+    # which ones these are is not known before a stage begins.
+    patches = [math.prod(stage.plan.shape) for stage in stages]
+    done, total = 0, sum(patches)
     while stages:
         # While features are used, the sums that they were made of are not in memory.
-        yield _features(stages.pop(0), progress)
+        yield _features(stages.pop(0), _part_of(progress, done, patches[0], total))
+        done += patches.pop(0)
 
 
 def progressive_cost(volume: Volume, settings: FeatureSettings, network: VisionTransformer, speed: NetworkSpeed) -> FeatureCost:
@@ -59,6 +65,15 @@ def progressive_cost(volume: Volume, settings: FeatureSettings, network: VisionT
         seconds=coarse.seconds + fine.seconds,
         peak_bytes=max(coarse.peak_bytes, fine.peak_bytes),
     )
+
+
+def _part_of(progress: Progress, before: int, steps: int, total: int) -> Progress:
+    """Tells `progress` of work that is `steps` of `total` steps, after `before` of them were done."""
+
+    def in_all(done: int, of: int, what: str) -> None:
+        progress(before + steps * done // of, total, what)
+
+    return in_all
 
 
 def _features(stage: FeatureRun, progress: Progress) -> FeatureVolume:

@@ -58,6 +58,21 @@ def test_cancelling_leaves_the_coarse_features(spheres: tuple[Volume, np.ndarray
     assert np.isfinite(coarse.array).all()
 
 
+def test_progress_counts_coarse_and_fine_features_together(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
+) -> None:
+    told: list[tuple[int, int]] = []
+    stages = progressive_features(spheres[0], tiny_network, SETTINGS, lambda done, total, what: told.append((done, total)))
+    next(stages)
+    coarse_done, total = told[-1]
+    # Otherwise the panel would say that a second is left, and then a minute.
+    assert 0 < coarse_done < total / 4
+    assert len(list(stages)) == 1
+    assert [each for each, _ in told] == sorted(each for each, _ in told)
+    assert {each for _, each in told} == {total}
+    assert told[-1] == (total, total)
+
+
 def test_while_features_are_used_neither_weights_in_their_precision_nor_their_sums_are_in_memory(
     spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
