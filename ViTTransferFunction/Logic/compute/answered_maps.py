@@ -111,6 +111,7 @@ class AnsweredMaps:
     def _take(self, classes: tuple[ClassRequest, ...], maps: Sequence[ClassMap]) -> None:
         self._classes = classes
         self.maps = _by_id(classes, maps)
+        self.volumes_ml = {id_: volume_ml for id_, volume_ml in self.volumes_ml.items() if id_ in self.maps}
 
 
 def _by_id(classes: Sequence[ClassRequest], values: Sequence[T]) -> dict[str, T]:

@@ -67,11 +67,11 @@ def progressive_cost(volume: Volume, settings: FeatureSettings, network: VisionT
     )
 
 
-def _part_of(progress: Progress, before: int, steps: int, total: int) -> Progress:
-    """Tells `progress` of work that is `steps` of `total` steps, after `before` of them were done."""
+def _part_of(progress: Progress, before: int, steps: int, all_steps: int) -> Progress:
+    """Tells `progress` of work that is `steps` of `all_steps`, after `before` of them were done."""
 
-    def in_all(done: int, of: int, what: str) -> None:
-        progress(before + steps * done // of, total, what)
+    def in_all(done: int, total: int, what: str) -> None:
+        progress(before + steps * done // total, all_steps, what)
 
     return in_all
 

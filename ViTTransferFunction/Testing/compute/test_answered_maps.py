@@ -118,6 +118,12 @@ def test_what_a_click_on_another_class_takes_away_is_shown_at_once(refined: Answ
     assert refined.volumes_ml == {"liver": 3.0, "spleen": 4.0}
 
 
+def test_a_class_that_has_no_map_any_more_has_no_volume_either(refined: AnsweredMaps) -> None:
+    refined.expect()
+    refined.take(ComputeMaps((SPLEEN,)), Maps((coarse_map(),)), refining=True)
+    assert refined.volumes_ml == {"spleen": 0.5}
+
+
 def test_a_class_may_have_come_refined_alone() -> None:
     answers = AnsweredMaps()
     answers.take_refined(RefineMaps(BOTH, Refinement()), RefinedMaps((coarse_map(), coarse_map()), (1.25, 0.5)))
