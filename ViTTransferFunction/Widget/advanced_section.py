@@ -10,6 +10,8 @@ from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.volumes.intensity_window import telling_decimals
 from ViTTransferFunction.Logic.scene.interface.cache_contents import CacheContents
+from ViTTransferFunction.Logic.scene.interface.parameters import SceneParameters
+from ViTTransferFunction.Widget.remembered_weights import remember_weights
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
 TYPING_MS = 700
@@ -93,19 +95,23 @@ class AdvancedSection(Section):
     def _take_weights(self) -> None:
         self._typing.stop()
         if self.session is not None:
-            self.session.parameters.set("weightsPath", self.ui.weightsPathLineEdit.currentPath)
+            self._name_weights(self.session.parameters, self.ui.weightsPathLineEdit.currentPath)
 
     def _on_weights_folder(self) -> None:
         if self.session is not None:
             path = self.session.parameters.get("weightsPath")
             folder = ask_folder(_("Folder with the model's weights"), path, self.ui.weightsFolderButton)
             if folder:
-                self.session.parameters.set("weightsPath", folder)
+                self._name_weights(self.session.parameters, folder)
 
     def _on_clear_weights(self) -> None:
         self._typing.stop()
         if self.session is not None:
-            self.session.parameters.set("weightsPath", "")
+            self._name_weights(self.session.parameters, "")
+
+    def _name_weights(self, parameters: SceneParameters, path: str) -> None:
+        parameters.set("weightsPath", path)
+        remember_weights(path)
 
     def _on_window_automatic(self) -> None:
         self._set_window(self.ui.windowAutomaticCheckBox.checked)

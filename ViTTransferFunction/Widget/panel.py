@@ -28,6 +28,7 @@ from ViTTransferFunction.Widget.pictures_section import PicturesSection
 from ViTTransferFunction.Widget.points_section import PointsSection
 from ViTTransferFunction.Widget.pytorch_installation import pytorch_is_installed
 from ViTTransferFunction.Widget.pytorch_section import PyTorchSection
+from ViTTransferFunction.Widget.remembered_weights import name_remembered_weights
 from ViTTransferFunction.Widget.section_headers import SectionHeaders
 from ViTTransferFunction.Widget.shortcut_help import ShortcutHelp
 from ViTTransferFunction.Widget.shortcuts import Shortcuts
@@ -181,6 +182,7 @@ class Panel:
         """Keep widgets and parameter node equal from now on, and end what was unfinished when the scene was saved."""
         if self.session is not None and self._bound is None:
             self._bound = BoundParameters(self.session.parameters, self._ui)
+            name_remembered_weights(self.session.parameters)
             for message in self._bound.replaced:
                 self._messages.show(message, partial(self._is_over, self.session))
             self.tools.end_unfinished()

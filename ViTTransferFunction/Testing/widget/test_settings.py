@@ -157,6 +157,38 @@ def test_own_weights_are_chosen_and_cleared(widget: Any, tmp_path: Path) -> None
     assert not widget.ui.clearWeightsButton.isEnabled()
 
 
+def test_weights_that_were_named_once_are_named_in_the_next_scene_until_they_are_cleared(widget: Any, tmp_path: Path) -> None:
+    def of_next_scene() -> str:
+        slicer.mrmlScene.Clear(False)
+        return str(widget.panel.session.parameters.get("weightsPath"))
+
+    weights = tmp_path / "weights"
+    weights.mkdir()
+    widget.ui.advancedCollapsibleButton.click()
+    widget.ui.weightsPathLineEdit.currentPath = str(weights)
+    wait_until(lambda: widget.panel.session.parameters.get("weightsPath"))
+    assert of_next_scene() == str(weights)
+    assert widget.ui.weightsPathLineEdit.currentPath == str(weights)
+    weights.rename(tmp_path / "elsewhere")
+    assert of_next_scene() == ""
+    (tmp_path / "elsewhere").rename(weights)
+    assert of_next_scene() == str(weights)
+    widget.ui.clearWeightsButton.click()
+    assert of_next_scene() == ""
+
+
+def test_weights_that_were_named_once_do_not_replace_those_of_a_scene(widget: Any, tmp_path: Path) -> None:
+    slicer.app.userSettings().setValue("ViTTransferFunction/WeightsPath", str(tmp_path))
+    panel, parameters = widget.panel, widget.panel.session.parameters
+    own = str(tmp_path.parent)
+    for path, model, named in ((own, "", own), ("", "dinov2_vits14", ""), ("", "", str(tmp_path))):
+        panel.release_parameters()
+        parameters.set("weightsPath", path)
+        parameters.set("usedModel", model)
+        panel.bind_parameters()
+        assert parameters.get("weightsPath") == named
+
+
 def test_a_path_that_is_typed_is_taken_when_it_is_complete(widget: Any, tmp_path: Path) -> None:
     ui, parameters = widget.ui, widget.panel.session.parameters
     taken = []

@@ -28,5 +28,13 @@ def user_path(text: str | Path, what: str) -> Path:
     return path
 
 
+def is_there(text: str | Path) -> bool:
+    """Whether there is something at a path as users write it; False as well if it cannot be looked up."""
+    try:
+        return user_path(text, "a file or folder").exists()
+    except InputError:
+        return False
+
+
 def _unquoted(text: str) -> str:
     return text[1:-1] if len(text) > 2 and text[0] == text[-1] and text[0] in "\"'" else text

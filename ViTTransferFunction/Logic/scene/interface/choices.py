@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from ...core.system.errors import InputError, shown
+from ...core.system.user_path import is_there
 from ...features.device import DEVICE_NAMES
 from ...features.settings import LARGEST_GRID, check_grid
 from ...refinement.refinement import REFINEMENT_METHODS
@@ -83,7 +83,7 @@ def make_possible(parameters: SceneParameters, offered: dict[str, dict[str, str]
             value = parameters.DEFAULTS[name]
         parameters.set(name, value)
     weights = parameters.get("weightsPath")
-    if weights and not Path(weights).exists():
+    if weights and not is_there(weights):
         text = _("The weights that the saved settings name are not on this computer: {path}. Others are used if there are any.")
         replaced.append(text.format(path=shown(weights)))
         parameters.set("weightsPath", "")

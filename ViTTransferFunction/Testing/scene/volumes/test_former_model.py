@@ -132,10 +132,14 @@ def test_a_model_that_is_not_offered_here_is_told_of_once_by_whoever_can_say_wha
 
 def test_weights_of_another_computer_are_forgotten_and_the_user_is_told(slicer_app: Any, tmp_path: Path) -> None:
     parameters = SceneParameters(add_parameter_node(slicer_app.scene))
-    parameters.set("weightsPath", str(tmp_path))
-    assert make_possible(parameters, choices()) == []
-    assert parameters.get("weightsPath") == str(tmp_path)
-    parameters.set("weightsPath", str(tmp_path / "gone.pt"))
-    (told,) = make_possible(parameters, choices())
-    assert "gone.pt" in told
-    assert parameters.get("weightsPath") == ""
+    # In quotes, as Windows' Copy as path has it.
+    for named in (str(tmp_path), f'"{tmp_path}"'):
+        parameters.set("weightsPath", named)
+        assert make_possible(parameters, choices()) == []
+        assert parameters.get("weightsPath") == named
+    # The last cannot even be looked up, as one in a folder of somebody else's.
+    for gone in ("gone.pt", "x" * 300):
+        parameters.set("weightsPath", str(tmp_path / gone))
+        (told,) = make_possible(parameters, choices())
+        assert "are not on this computer" in told
+        assert parameters.get("weightsPath") == ""

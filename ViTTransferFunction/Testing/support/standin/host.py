@@ -172,6 +172,7 @@ class Application:
         logic.AddObserver(logic.ResumeRenderEvent, lambda *_: self._layout_manager.setRenderPaused(False))
         self._module_manager = ModuleManager()
         self._at_startup: list[Callable[[], None]] = []
+        self._settings = UserSettings()
         self.paletteChanged = qt_application.paletteChanged
 
     def start(self) -> None:
@@ -200,9 +201,9 @@ class Application:
         """Announces that modules are unloaded."""
         return self._module_manager
 
-    def userSettings(self) -> Any:  # noqa: N802
-        """How long the messages of a self-test stay, in milliseconds."""
-        return SimpleNamespace(value={"Developer/SelfTestDisplayMessageDelay": "0"}.get)
+    def userSettings(self) -> UserSettings:  # noqa: N802
+        """What is kept for the next start."""
+        return self._settings
 
     def testingEnabled(self) -> bool:  # noqa: N802
         """Questions are answered by OK, and messages are not shown."""
@@ -215,6 +216,23 @@ class Application:
     def processEvents(self) -> None:  # noqa: N802
         """Let Qt do what is due."""
         self._qt_application.processEvents()
+
+
+class UserSettings:
+    """`slicer.app.userSettings()`: of a QSettings what the panel and Slicer's self-test use. They last as long as the host."""
+
+    def __init__(self) -> None:
+        # How long the messages of a self-test stay, in milliseconds.
+        self._values = {"Developer/SelfTestDisplayMessageDelay": "0"}
+
+    def value(self, key: str) -> str | None:
+        """What was set, None for nothing."""
+        return self._values.get(key)
+
+    def setValue(self, key: str, value: str) -> None:  # noqa: N802
+        """Keep a text."""
+        assert type(value) is str
+        self._values[key] = value
 
 
 class ModuleManager:
