@@ -26,6 +26,13 @@ def begun(monkeypatch: pytest.MonkeyPatch) -> list[FeatureEstimate | None]:
     return begun
 
 
+@pytest.fixture
+def being_estimated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What features cost is not known yet."""
+    monkeypatch.setattr(SceneSession, "estimate", None)
+    monkeypatch.setattr(SceneSession, "busy", True)
+
+
 def test_weights_are_downloaded_when_the_user_agreed_and_not_before(
     opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch, begun: list[FeatureEstimate | None]
 ) -> None:
@@ -51,11 +58,11 @@ def test_weights_are_downloaded_when_the_user_agreed_and_not_before(
 
 
 def test_the_extraction_begins_as_soon_as_it_is_known_that_nothing_has_to_be_downloaded(
-    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch, begun: list[FeatureEstimate | None]
+    opened: Callable[[Journey], None],
+    monkeypatch: pytest.MonkeyPatch,
+    begun: list[FeatureEstimate | None],
+    being_estimated: None,
 ) -> None:
-    monkeypatch.setattr(SceneSession, "estimate", None)
-    monkeypatch.setattr(SceneSession, "busy", True)
-
     async def journey(app: WebApp) -> None:
         state = app.server.state
         app.actions("extract")
@@ -68,11 +75,11 @@ def test_the_extraction_begins_as_soon_as_it_is_known_that_nothing_has_to_be_dow
 
 
 def test_where_the_cost_cannot_be_told_the_button_is_let_go(
-    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch, begun: list[FeatureEstimate | None]
+    opened: Callable[[Journey], None],
+    monkeypatch: pytest.MonkeyPatch,
+    begun: list[FeatureEstimate | None],
+    being_estimated: None,
 ) -> None:
-    monkeypatch.setattr(SceneSession, "estimate", None)
-    monkeypatch.setattr(SceneSession, "busy", True)
-
     async def journey(app: WebApp) -> None:
         app.actions("extract")
         monkeypatch.setattr(SceneSession, "busy", False)
