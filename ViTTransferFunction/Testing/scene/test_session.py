@@ -174,7 +174,7 @@ def test_a_structure_that_ends_without_a_voxel_is_told_until_the_user_goes_on(
     session.wait()
     session.segments.write()
     session.wait()
-    assert "The segment of 'copy' is empty" in (session.take_error() or "")
+    assert "Nothing was found of 'copy'" in (session.take_error() or "")
     assert len(session.errors) == 1
     session.annotations.remove_class(copy.id)
     assert session.errors == ()

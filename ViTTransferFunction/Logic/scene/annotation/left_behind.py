@@ -5,7 +5,7 @@ A volume may be moved while another one is chosen, as registering the one to the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -87,25 +87,11 @@ class LeftBehind:
             content = content_of(volume)
         except InputError:
             return None
-        last, points = self._last.get(volume), points_by_class(self._annotations.classes)
         ijk_to_world = matrix_to_world(volume) @ content.geometry.ijk_to_ras
-        segments_to_world = self._segments_to_world()
-        home, left, segments_are_left = ijk_to_world, PointsByClass(), False
-        if last is not None and last.voxels == content.voxels:
-            home, left = last.home, last.left
-            moved = not _is_same(last.ijk_to_world, ijk_to_world)
-            if moved:
-                left = {id_: stayed for id_, stayed in points.items() if last.points.get(id_) == stayed}
-            if last.segments_to_world is not None and segments_to_world is not None:
-                stayed_there = _is_same(last.segments_to_world, segments_to_world)
-                # Those that were moved first are where the volume is by now: they have voxels of its grid.
-                segments_are_left = (moved or last.segments_are_left) and stayed_there
-                segments_are_left &= not _is_same(segments_to_world, ijk_to_world)
-            if _is_same(home, ijk_to_world):
-                left, segments_are_left = {}, False
-            left = {id_: stayed for id_, stayed in left.items() if points.get(id_) == stayed}
-        home = home if left or segments_are_left else ijk_to_world
-        return _Look(content.voxels, ijk_to_world, points, segments_to_world, home, left, segments_are_left)
+        points, segments_to_world = points_by_class(self._annotations.classes), self._segments_to_world()
+        now = _Look(content.voxels, ijk_to_world, points, segments_to_world, ijk_to_world, PointsByClass(), False)
+        last = self._last.get(volume)
+        return now if last is None or last.voxels != now.voxels else _compared(now, last)
 
     def _segments_to_world(self) -> np.ndarray | None:
         node = self._parameters.segmentation
@@ -129,6 +115,26 @@ class LeftBehind:
         names = [state.name for state in self._annotations.classes if state.id in now.left]
         left_segmentation = segmentation.GetName() if now.segments_are_left and segmentation is not None else None
         self._problems.put("left behind", left_behind_text(volume.GetName(), names, left_segmentation))
+
+
+def _compared(now: _Look, last: _Look) -> _Look:
+    """What was seen now, with what is left behind since the last look or one before; the voxels are the same."""
+    if _is_same(last.home, now.ijk_to_world):
+        return now
+    moved = not _is_same(last.ijk_to_world, now.ijk_to_world)
+    may_be_left = last.points if moved else last.left
+    left = {id_: stayed for id_, stayed in may_be_left.items() if now.points.get(id_) == stayed}
+    segments_are_left = (moved or last.segments_are_left) and _segments_stayed_behind(now, last)
+    return replace(now, home=last.home, left=left, segments_are_left=segments_are_left) if left or segments_are_left else now
+
+
+def _segments_stayed_behind(now: _Look, last: _Look) -> bool:
+    """Whether segments are where they were, and the volume is not. Those moved first are where the volume is by now."""
+    if last.segments_to_world is None or now.segments_to_world is None:
+        return False
+    stayed = _is_same(last.segments_to_world, now.segments_to_world)
+    # Segments have voxels of the volume's grid.
+    return stayed and not _is_same(now.segments_to_world, now.ijk_to_world)
 
 
 def _is_same(one: np.ndarray, other: np.ndarray) -> bool:

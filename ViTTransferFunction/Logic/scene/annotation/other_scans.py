@@ -5,7 +5,7 @@ It may be a part of the other one, a copy, another phase, one that was registere
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -67,23 +67,34 @@ class OtherScans:
         Raises:
             InputError: none of the points lies in the scan that is chosen, or all is there already.
         """
-        nodes = [node for node in class_nodes_of_all(self._parameters.node) if _key(node) == key]
-        theirs = [state for state in map(read_class, nodes) if state.positive or state.negative]
-        points = [point for state in theirs for point in (*state.positive, *state.negative)]
-        if not points or not self._in_volume(np.array(points)).any():
+        theirs = self._with_points(key)
+        if not self._have_points_here(theirs):
             text = _("None of the points of '{name}' lies in this scan: the two are not in the same place.")
             raise InputError(text.format(name=self.names.get(key, "")))
+        filled, added = self._copies(theirs)
+        if not (filled or added):
+            raise InputError(_("The structures of that scan are all there already, with the same points and settings."))
+        self._annotations.add_classes([*filled, *added])
+        self._selected.select((*filled, *added)[0].id)
+
+    def _with_points(self, key: str) -> list[ClassState]:
+        """The structures of a scan that have points."""
+        of_scan = (read_class(node) for node in class_nodes_of_all(self._parameters.node) if _key(node) == key)
+        return [state for state in of_scan if state.positive or state.negative]
+
+    def _have_points_here(self, theirs: Sequence[ClassState]) -> bool:
+        points = [point for state in theirs for point in (*state.positive, *state.negative)]
+        return bool(points) and bool(self._in_volume(np.array(points)).any())
+
+    def _copies(self, theirs: Sequence[ClassState]) -> tuple[list[ClassState], list[ClassState]]:
+        """Copies for the scan that is chosen: those that fill structures without points there, and those to be added."""
         present = self._annotations.classes
         empty = {state.name: state.id for state in present if not (state.positive or state.negative)}
         # Each once: of scans of one name that were removed, there may be several structures of one name.
         copies = [_copy(state, empty.pop(state.name, "") or new_class_id()) for state in theirs]
         known = {state.id for state in present}
         filled = [state for state in copies if state.id in known]
-        added = new_among([state for state in copies if state.id not in known], [*present, *filled])
-        if not (filled or added):
-            raise InputError(_("The structures of that scan are all there already, with the same points and settings."))
-        self._annotations.add_classes([*filled, *added])
-        self._selected.select((*filled, *added)[0].id)
+        return filled, new_among([state for state in copies if state.id not in known], [*present, *filled])
 
 
 def _copy(state: ClassState, id_: str) -> ClassState:

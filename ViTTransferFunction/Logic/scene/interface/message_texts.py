@@ -43,15 +43,15 @@ def closer_look_text(reason: CloserLookReason | None) -> str:
 def empty_text(names: Sequence[str]) -> str:
     """A message about structures whose segments are empty."""
     return _(
-        "The segment of {names} is empty: nothing is similar enough to its points, or all that is similar belongs to another "
-        "structure. Make it larger, or check its points and place more of them."
+        "Nothing was found of {names}: nothing is similar enough to the points, or all that is similar belongs to another "
+        "structure. Choose a larger size, or check the points and place more of them."
     ).format(names=_listing(names))
 
 
 def taken_text(names: Sequence[str]) -> str:
     """A message about structures whose segments are empty because other segments have all their voxels."""
     return _(
-        "The segment of {names} is empty: all its voxels belong to other segments. To have it overlap them, switch "
+        "Nothing is left of {names}: all voxels belong to other segments. To have segments overlap, switch "
         '"Do not overlap other segments" off and create the segments again.'
     ).format(names=_listing(names))
 
@@ -59,7 +59,7 @@ def taken_text(names: Sequence[str]) -> str:
 def mostly_taken_text(names: Sequence[str]) -> str:
     """A message about structures of whose voxels other segments have more than half."""
     return _(
-        "The segment of {names} lacks most of its voxels: they belong to other segments. To have it overlap them, switch "
+        "Less than half is left of {names}: most voxels belong to other segments. To have segments overlap, switch "
         '"Do not overlap other segments" off and create the segments again.'
     ).format(names=_listing(names))
 

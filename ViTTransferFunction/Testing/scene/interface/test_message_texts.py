@@ -7,8 +7,8 @@ from ViTTransferFunction.Logic.scene.interface.message_texts import empty_text, 
 
 def test_of_many_structures_a_message_names_as_many_as_one_reads() -> None:
     names = ["a", "b", "c", "d", "e", "f"]
-    assert "of 'a', 'b', 'c', 'd', 'e' is empty" in empty_text(names[:5])
-    assert "of 'a', 'b', 'c', 'd', 'e' … is empty" in empty_text(names)
+    assert "of 'a', 'b', 'c', 'd', 'e':" in empty_text(names[:5])
+    assert "of 'a', 'b', 'c', 'd', 'e' …:" in empty_text(names)
 
 
 def test_names_from_the_right_leave_the_direction_of_a_message_alone() -> None:

@@ -302,14 +302,14 @@ def test_which_segments_are_empty_is_said_once(desk: Desk) -> None:
     desk.finish()
     assert desk.voxels()["vessel"] == 0
     (notice,) = desk.reported
-    assert notice.startswith("The segment of 'vessel' is empty: nothing is similar enough")
+    assert notice.startswith("Nothing was found of 'vessel': nothing is similar enough")
 
 
 def test_a_segment_is_empty_as_well_where_no_class_has_a_voxel(desk: Desk) -> None:
     desk.output.write(desk.parameters.segmentation, Labels(np.zeros((0, 0, 0), np.uint8), (0, 0, 0)), ["a", "b"], "keep", "")
     desk.finish()
     (notice,) = desk.reported
-    assert notice.startswith("The segment of 'liver', 'spleen' is empty: nothing")
+    assert notice.startswith("Nothing was found of 'liver', 'spleen'")
 
 
 def test_a_segment_whose_voxels_others_have_is_said_to_be_empty_for_that(desk: Desk) -> None:
@@ -317,7 +317,7 @@ def test_a_segment_whose_voxels_others_have_is_said_to_be_empty_for_that(desk: D
     desk.begin()
     desk.finish()
     (notice,) = desk.reported
-    assert notice.startswith("The segment of 'liver', 'spleen' is empty: all its voxels belong to other segments")
+    assert notice.startswith("Nothing is left of 'liver', 'spleen': all voxels belong to other segments")
 
 
 @pytest.mark.parametrize(("rows", "lacking"), [(slice(0, 110), ["liver"]), (slice(0, 100), [])])
@@ -329,6 +329,4 @@ def test_a_segment_is_said_to_lack_most_of_its_voxels_where_others_have_them(
     add_segment(desk.segmentation, "earlier", earlier, OBLIQUE)
     desk.begin()
     desk.finish()
-    assert [notice.partition(":")[0] for notice in desk.reported] == [
-        f"The segment of '{name}' lacks most of its voxels" for name in lacking
-    ]
+    assert [notice.partition(":")[0] for notice in desk.reported] == [f"Less than half is left of '{name}'" for name in lacking]
