@@ -13,16 +13,18 @@ from ViTTransferFunction.Logic.core.classes.iso_proposals import SMALLEST_SIZE
 from ViTTransferFunction.Logic.core.system.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.volume import FARTHEST_VOXELS, Volume
+from ViTTransferFunction.Logic.core.volumes.voxel_map import VoxelMap
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
-from ViTTransferFunction.Logic.session import loaded_features
+from ViTTransferFunction.Logic.session import loaded_features, segmentation_session
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.similarity.cell_intensities import CellIntensities
 from ViTTransferFunction.Logic.similarity.similarity_rule import SimilarityMethod
-from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
+from ViTTransferFunction.Testing.support.calls import Calls
+from ViTTransferFunction.Testing.support.cancelling import cancel_at_call, cancel_at_once
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras, requests_of
@@ -272,6 +274,47 @@ def test_intensities_are_looked_at_once_for_the_same_cells_and_anew_for_others(
     other.use_features(fewer)
     assert other.low_resolution_maps(requests_of(spheres))[0].array.shape == fewer.geometry.shape
     assert looked_at == [features.geometry.shape, fewer.geometry.shape]
+
+
+def test_intensities_are_looked_at_before_there_are_features_so_that_the_first_click_does_not_wait_for_it(
+    spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache_known_features(*spheres)
+    session = open_session(spheres[0], SessionSettings(grid=GRID))
+    looks = Calls(monkeypatch, loaded_features, "CellIntensities")
+    session.prepare_clicks()
+    assert looks.count == 1
+    session.load_features()
+    session.low_resolution_maps(requests_of(spheres))
+    assert looks.count == 1
+
+
+def test_an_unrefined_structure_has_the_threshold_of_its_clicks_and_a_refined_one_another(
+    session: SegmentationSession, spheres: Spheres
+) -> None:
+    requests = requests_of(spheres)
+    unrefined, refined = (session.segment(requests, method).classes for method in ("none", "bilateral"))
+    of_clicks = [low.iso for low in session.low_resolution_maps(requests)]
+    assert [result.iso for result in unrefined] == of_clicks
+    assert all(result.iso != iso for result, iso in zip(refined, of_clicks, strict=True))
+
+
+def test_a_refinement_is_cancelled_between_its_steps(
+    session: SegmentationSession, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    requests = requests_of(spheres)
+    low_maps = session.low_resolution_maps(requests)
+    refined: list[VoxelMap] = []
+    refine = segmentation_session.refine
+
+    def noted(*arguments: Any, **named: Any) -> VoxelMap:
+        refined.append(refine(*arguments, **named))
+        return refined[-1]
+
+    monkeypatch.setattr(segmentation_session, "refine", noted)
+    with pytest.raises(Cancelled):
+        session.refined_map(low_maps[0], requests, 0, "bilateral", cancel_at_call(2))
+    assert refined == []
 
 
 def test_unusable_classes_are_refused_before_any_work(session: SegmentationSession, spheres: Spheres) -> None:
