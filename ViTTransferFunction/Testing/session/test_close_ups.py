@@ -18,7 +18,7 @@ from ViTTransferFunction.Logic.core.volumes.intensity_window import CT_SOFT_TISS
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.network_channels import network_channels
 from ViTTransferFunction.Logic.features.settings import FeatureSettings, grid_shape
-from ViTTransferFunction.Logic.session import segmentation_session
+from ViTTransferFunction.Logic.session import loaded_features, segmentation_session
 from ViTTransferFunction.Logic.session.close_ups import MOST_PATCHES, Part, close_up_settings, largest_within
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import PRESETS
@@ -147,6 +147,16 @@ def test_close_ups_that_are_there_are_not_loaded_again_beside_another(
     session.look_closer(both)
     assert loads.count == 1
     assert not session.awaiting_close_ups(both)
+
+
+def test_a_click_after_a_closer_look_looks_at_no_intensities_any_more(
+    session: SegmentationSession, looked_at: list[ClassRequest], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks = Calls(monkeypatch, loaded_features, "CellIntensities")
+    session.look_closer(looked_at)
+    assert looks.count == 1
+    session.low_resolution_maps(looked_at)
+    assert looks.count == 1
 
 
 def test_in_a_part_count_all_classes_with_points_in_it_by_these_points(looked_at: list[ClassRequest], spheres: Spheres) -> None:
