@@ -178,7 +178,7 @@ class SessionViews:
         if not maps or stale or self.give_way:
             self._display.hide()
             return False
-        overlaid = selected.id if selected and selected.id in visible and self._parameters.get("overlayVisible") else None
+        overlaid = selected.id if selected and self._parameters.get("overlayVisible") else None
         overlay_changed = self._display.show_maps(
             volume,
             [ShownMap(id_, class_map, visible[id_].color) for id_, class_map in maps.items() if id_ in visible],
