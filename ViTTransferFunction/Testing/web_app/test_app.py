@@ -800,6 +800,20 @@ def test_turns_of_the_wheel_that_come_together_count_each(opened: Callable[[Jour
     opened(journey)
 
 
+def test_the_wheel_with_ctrl_over_the_selected_structure_changes_its_size(
+    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        monkeypatch.setattr(app.session.shown, "is_on_selected", lambda point_ras: True)
+        app.views.use("Red", [["wheel", [0.5, 0.5], [True, False, False], 2]])
+        assert app.session.classes[0].size > 0.0
+        app.views.use("Red", [["wheel", [0.5, 0.5], [True, False, False], -2]])
+        assert app.session.classes[0].size == 0.0
+
+    opened(journey)
+
+
 def test_colours_come_back_from_the_page_as_they_went() -> None:
     assert hex_color(color_of_hex("#0a80ff")) == "#0a80ff"
     for text in ("red", "#12345", "#gg0000", ""):

@@ -155,6 +155,22 @@ def test_a_full_disk_is_told_and_nothing_is_taken_for_saved(
     opened(journey)
 
 
+def test_where_all_structures_are_removed_again_nothing_is_unsaved(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        app.mark_saved(app.work)
+        assert not app.server.state.unsaved
+        app.actions("addClass")
+        app.refresh()
+        assert app.server.state.unsaved
+        for state in app.session.classes:
+            app.session.annotations.remove_class(state.id)
+        app.refresh()
+        assert not app.server.state.unsaved
+
+    opened(journey)
+
+
 def test_an_app_that_is_ended_packs_no_further(opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(WebApp, "stopping", True)
 
@@ -181,13 +197,38 @@ def test_a_download_waits_for_the_segments_and_is_given_up_where_they_are_not_wr
         app.refresh()
         assert not app.server.state.download_due
         monkeypatch.setattr(SceneSession, "progress", None)
-        monkeypatch.setattr(SceneSegments, "take_written", lambda self: succeeds)
-        app.refresh()
-        assert app.server.state.download_due == succeeds
+        for written in (succeeds, False):  # They are told of once, and the page may be slow.
+            monkeypatch.setattr(SceneSegments, "take_written", lambda self, written=written: written)
+            app.refresh()
+            assert app.server.state.download_due == succeeds
         app.server.state.download_due = False  # As the page does.
         monkeypatch.setattr(SceneSegments, "take_written", lambda self: True)
         app.refresh()
         assert not app.server.state.download_due
+
+    opened(journey)
+
+
+def test_a_download_waits_for_the_answer_where_segments_were_corrected_by_hand(
+    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def journey(app: WebApp) -> None:
+        monkeypatch.setattr(SceneSegments, "write", lambda self, corrections: None)
+        monkeypatch.setattr(SceneSegments, "exist", True)
+        monkeypatch.setattr(SceneSegments, "source", "any")
+        monkeypatch.setattr(SceneSegments, "outdated", False)
+        monkeypatch.setattr(SceneSession, "progress", None)
+        monkeypatch.setattr(SceneSegments, "take_corrected", lambda self: ("liver",))
+        app.actions("updateAndDownload")
+        app.refresh()
+        assert app.server.state.corrected == ["liver"]
+        monkeypatch.setattr(SceneSegments, "take_corrected", lambda self: ())
+        app.refresh()
+        monkeypatch.setattr(SceneSegments, "take_written", lambda self: True)
+        app.actions("write", "keep")
+        app.refresh()
+        assert app.server.state.download_due
+        app.server.state.download_due = False  # As the page does.
 
     opened(journey)
 
