@@ -18,6 +18,7 @@ from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.views.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import image_of
 from ViTTransferFunction.Testing.support.scenes import add_segment
+from ViTTransferFunction.WebApp import packing, scene_files
 from ViTTransferFunction.WebApp.app import WebApp
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
@@ -82,6 +83,60 @@ def test_what_a_setting_cannot_be_leaves_it_as_it_is(opened: Callable[[Journey],
         assert app.session.classes == structures
 
     opened(journey)
+
+
+def test_a_saved_session_comes_with_its_own_settings_but_for_those_of_this_computer(
+    opened: Callable[[Journey], None], tmp_path: Path
+) -> None:
+    weights = tmp_path / "of this computer.pt"
+    weights.touch()
+
+    async def journey(app: WebApp) -> None:
+        app.actions("parameter", "preset", "fine")
+        app.actions("parameter", "weightsPath", "/of/another/computer.pt")
+        saved = saved_session(app, tmp_path)
+        app.actions("parameter", "preset", "balanced")
+        app.actions("parameter", "weightsPath", str(weights))
+        await app.opening.open([saved])
+        parameters = app.session.parameters
+        assert (parameters.get("preset"), parameters.get("weightsPath")) == ("fine", str(weights))
+        app.actions("parameter", "preset", "balanced")
+        app.actions("parameter", "weightsPath", "")
+
+    opened(journey)
+
+
+def test_a_setting_of_a_later_version_in_a_saved_session_is_replaced_and_the_page_says_so(
+    opened: Callable[[Journey], None], tmp_path: Path
+) -> None:
+    async def journey(app: WebApp) -> None:
+        app.session.parameters.set("refinement", "of tomorrow")
+        saved = saved_session(app, tmp_path)
+        app.session.parameters.set("refinement", "guided")
+        await app.opening.open([saved])
+        assert "The saved setting was replaced by the default." in app.server.state.message
+        assert app.session.parameters.get("refinement") == "bilateral"
+
+    opened(journey)
+
+
+def test_the_tool_in_hand_is_put_down_when_a_session_is_opened(opened: Callable[[Journey], None], tmp_path: Path) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        app.actions("brushOn")
+        assert app.server.state.tool == "brushOn"
+        await app.opening.open([saved_session(app, tmp_path)])
+        assert [shown["name"] for shown in app.server.state.classes] == ["Structure 1"]
+        assert app.server.state.tool == ""
+
+    opened(journey)
+
+
+def saved_session(app: WebApp, folder: Path) -> Path:
+    """What is open, as a file."""
+    scene_files.stage_session(app.scene, folder / "session")
+    packing.zip_folder(folder / "session", folder / "session.mrb")
+    return folder / "session.mrb"
 
 
 def test_settings_stay_when_another_volume_is_opened_but_not_its_intensities(

@@ -25,7 +25,7 @@ from ViTTransferFunction.Testing.support.widgets import add_class, in_front, pla
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
-NAME, POSITIVE, NEGATIVE, VOLUME = 1, 3, 4, 6
+NAME, SHOWN, POSITIVE, NEGATIVE, THRESHOLD, VOLUME = range(1, 7)
 
 
 def names(widget: Any) -> list[str]:
@@ -322,14 +322,27 @@ def test_why_a_markup_gives_no_points_is_told(widget: Any, volume: Any) -> None:
     assert widget.panel.session.classes[0].positive == ()
 
 
-def test_the_volume_is_shown_in_millilitres_as_soon_as_there_is_a_map(ready: Any, spheres: Spheres) -> None:
+def test_a_structure_that_is_hidden_has_no_tick_and_one_whose_name_is_cut_off_is_told_under_the_mouse(widget: Any) -> None:
+    name = "Left kidney without the cyst at its lower pole"
+    add_class(widget, name)
+    table, session = widget.ui.classTable, widget.panel.session
+    assert table.item(0, NAME).toolTip() == name
+    session.annotations.set_class(session.classes[0].id, visible=False)
+    widget.panel.refresh()
+    assert table.item(0, SHOWN).checkState() == Qt.CheckState.Unchecked
+    widget.ui.undoButton.click()
+    assert table.item(0, SHOWN).checkState() == Qt.CheckState.Checked
+
+
+def test_threshold_and_volume_in_millilitres_are_shown_as_soon_as_there_is_a_map(ready: Any, spheres: Spheres) -> None:
     add_class(ready)
-    table = ready.ui.classTable
-    assert text(table, 0, VOLUME) == "–"
+    table, session = ready.ui.classTable, ready.panel.session
+    assert (text(table, 0, THRESHOLD), text(table, 0, VOLUME)) == ("–", "–")
     place(ready, tuple(centre_ras(spheres, 1)[0]))
     wait_until(lambda: text(table, 0, VOLUME) != "–" and not ready.panel.session.busy)
     sphere_ml = 4.0 / 3.0 * 3.1416 * 1.6**3
     assert float(text(table, 0, VOLUME)) == pytest.approx(sphere_ml, rel=0.1)
+    assert text(table, 0, THRESHOLD) == f"({session.chosen_iso(session.classes[0].id):.2f})"
 
 
 def test_all_columns_fit_into_the_panel_and_leave_room_for_a_name(widget: Any) -> None:
