@@ -51,14 +51,15 @@ def test_a_line_drawn_in_the_app_gives_points_inside_and_outside_in_one_step(ope
     opened(journey)
 
 
-def test_the_brush_in_hand_is_as_large_as_the_slider_says(opened: Callable[[Journey], None]) -> None:
+@pytest.mark.parametrize(("tool", "polarity"), [("brushOn", "positive"), ("brushOff", "negative")])
+def test_the_brush_in_hand_is_as_large_as_the_slider_says(opened: Callable[[Journey], None], tool: str, polarity: str) -> None:
     async def journey(app: WebApp) -> None:
         before = app.server.state.brush_mm
         app.server.state.ready()  # Until a page is there, the app does not hear of changes.
         app.views.slices[0].render_window().SetSize(300, 200)
         app.views.slices[0].reset_view()
         app.actions("addClass")
-        app.actions("brushOn")
+        app.actions(tool)
         way = [[0.3 + 0.01 * step, 0.5] for step in range(40)]
         for size_mm in (3.0, 6.0):
             with app.server.state as state:
@@ -66,7 +67,7 @@ def test_the_brush_in_hand_is_as_large_as_the_slider_says(opened: Callable[[Jour
             app.views.use("Red", [["move", way[0], NO_KEYS], ["press", way[0], NO_KEYS, "left"]])
             app.views.use("Red", [["move", place, NO_KEYS] for place in way])
             app.views.use("Red", [["release", way[-1], NO_KEYS, "left"]])
-            places = np.array(app.session.classes[0].positive)
+            places = np.array(getattr(app.session.classes[0], polarity))
             assert np.linalg.norm(places[-1] - places[-2]) == pytest.approx(size_mm, rel=0.2)
         app.server.state.brush_mm = before
 

@@ -602,6 +602,55 @@ def test_a_circle_follows_the_mouse_while_a_brush_or_the_eraser_is_in_hand(widge
     assert not circle_is_in("Green")
 
 
+def circle_width(view: str) -> float:
+    """In pixels, of which one is a millimetre."""
+    window = slicer.app.layoutManager().sliceWidget(view).sliceView().interactor().GetRenderWindow()
+    circle, *_ = (actor for actor in window.GetRenderers().GetFirstRenderer().GetActors2D() if actor.GetVisibility())
+    circle.GetMapper().GetInputAlgorithm().Update()
+    left, right, *_ = circle.GetMapper().GetInput().GetBounds()
+    return float(right - left)
+
+
+def test_the_circle_is_as_wide_as_what_is_painted_and_twice_as_wide_for_the_eraser(widget: Any) -> None:
+    add_class(widget)
+    widget.ui.brushSizeSlider.value = 10.0
+    for button, width in ((widget.ui.brushOnButton, 10.0), (widget.ui.eraserButton, 20.0)):
+        button.click()
+        move("Green")
+        assert circle_width("Green") == pytest.approx(width, rel=0.1)
+
+
+def test_a_stroke_of_the_eraser_takes_what_lies_in_its_circle_and_is_one_step(widget: Any) -> None:
+    add_class(widget)
+    widget.ui.brushSizeSlider.value = 10.0
+    widget.ui.brushOnButton.click()
+    drag("Red", (50, 100), (60, 100), (70, 100))
+    widget.ui.eraserButton.click()
+    drag("Red", (50, 109), (60, 109), (70, 109))
+    assert widget.panel.session.classes[0].positive == ()
+    widget.ui.undoButton.click()
+    assert len(widget.panel.session.classes[0].positive) == 3
+
+
+def test_of_a_brush_that_is_put_down_for_points_nothing_stays_in_the_views(widget: Any) -> None:
+    add_class(widget)
+    widget.ui.brushOnButton.click()
+    move("Green")
+    widget.ui.pointOnButton.click()
+    move("Green")
+    assert not circle_is_in("Green")
+    assert widget.panel.tools.tool == "pointOn"
+
+
+def test_a_tool_is_put_down_with_the_last_structure(widget: Any) -> None:
+    add_class(widget)
+    widget.ui.brushOnButton.click()
+    widget.ui.removeClassButton.click()
+    move("Green")
+    assert not circle_is_in("Green")
+    assert not widget.ui.brushOnButton.isChecked()
+
+
 def test_a_key_typed_into_a_name_is_a_letter(widget: Any, host: Host) -> None:
     add_class(widget)
     widget.ui.pointOnButton.click()
