@@ -76,7 +76,6 @@ class AnnotationTool:
         if tool == self.tool:
             self.put_down()
         elif self._selected is None:
-            self.put_down()
             self._report(no_structure_text(self.session is not None and self.session.parameters.volume is not None))
         else:
             self.tool = tool
