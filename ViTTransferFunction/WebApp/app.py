@@ -385,7 +385,6 @@ class WebApp:
         self.unsaved_points.leave()
         self._settings |= {name: self.session.parameters.get(name) for name in OF_ALL_VOLUMES}
         self.session.close()
-        self._messages.clear()
         self._downloads_when_written = False
         self.scene.Clear(0)
 
