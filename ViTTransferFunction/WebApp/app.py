@@ -404,8 +404,6 @@ class WebApp:
 
     def _show_volume(self, volume: Any) -> None:
         """Show the volume of a session; None: nothing."""
-        if volume is not None:
-            volume.CreateDefaultDisplayNodes()  # Sessions not written by Slicer may lack them.
         self.views.show(volume)
         self._offer_windows(volume)
 

@@ -281,6 +281,23 @@ def test_a_series_without_its_folder_is_refused(tmp_path: Path, monkeypatch: pyt
         app_command.run(args)
 
 
+def test_a_scan_in_a_session_that_says_nothing_of_its_look_is_seen_in_a_window_of_its_own(
+    opened: Callable[[Journey], None], tmp_path: Path
+) -> None:
+    """As of a program that is not Slicer."""
+
+    async def journey(app: WebApp) -> None:
+        app.scene.RemoveNode(app.session.parameters.volume.GetDisplayNode())
+        scene_files.stage_session(app.scene, tmp_path / "session")
+        packing.zip_folder(tmp_path / "session", tmp_path / "session.mrb")
+        await app.opening.open([tmp_path / "session.mrb"])
+        assert app.server.state.window == pytest.approx({"low": -15.0, "high": 210.0}, abs=5.0)
+        volume = app.session.parameters.volume
+        assert [view.get_background_volume_id() for view in app.views.slices] == [volume.GetID()] * 3
+
+    opened(journey)
+
+
 @pytest.mark.parametrize(("without", "why"), [(".nrrd", "could not be read whole"), ("", "no volume is chosen")])
 def test_a_session_that_lacks_its_volume_is_opened_and_says_so(
     opened: Callable[[Journey], None], tmp_path: Path, without: str, why: str
@@ -670,6 +687,19 @@ def test_another_attempt_takes_the_place_of_what_the_earlier_one_said(opened: Ca
         assert str(Path("/nowhere/c.nrrd")) in second
         app.actions("parameter", "grid", 0)
         assert state.message == second
+
+    opened(journey)
+
+
+def test_what_was_told_of_a_scan_is_gone_with_it(opened: Callable[[Journey], None], file: Path) -> None:
+    async def journey(app: WebApp) -> None:
+        app.report("Nothing was drawn.")
+        app.session.tell_of_defect(RuntimeError("of this scan"))
+        app.refresh()
+        assert "Nothing was drawn." in app.server.state.message
+        assert "of this scan" in app.server.state.message
+        await app.opening.open([file])
+        assert app.server.state.message == ""
 
     opened(journey)
 
