@@ -15,7 +15,7 @@ from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.volume import FARTHEST_VOXELS, Volume
 from ViTTransferFunction.Logic.core.volumes.voxel_map import VoxelMap
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
-from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
+from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod, refine
 from ViTTransferFunction.Logic.session import loaded_features, segmentation_session
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
@@ -305,7 +305,6 @@ def test_a_refinement_is_cancelled_between_its_steps(
     requests = requests_of(spheres)
     low_maps = session.low_resolution_maps(requests)
     refined: list[VoxelMap] = []
-    refine = segmentation_session.refine
 
     def noted(*arguments: Any, **named: Any) -> VoxelMap:
         refined.append(refine(*arguments, **named))
