@@ -35,6 +35,7 @@ from ViTTransferFunction.Logic.core.volumes.missing_intensity import without_int
 from ViTTransferFunction.Logic.core.volumes.patient_sides import position_text, sides
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.scene.mrml.transforms import numpy_matrix
+from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import array_from_node, geometry_from_node
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.Testing.files.test_several_series import write_two
@@ -376,6 +377,7 @@ def test_of_a_session_in_which_no_volume_was_chosen_the_one_that_is_shown_or_the
             selection.SetActiveVolumeID(volumes[shown].GetID())
         scene_files.stage_session(app.scene, tmp_path / "session")
         packing.zip_folder(tmp_path / "session", tmp_path / "session.mrb")
+        app.server.state.windows = []
 
         await app.opening.open([tmp_path / "session.mrb"])
 
@@ -700,6 +702,22 @@ def test_what_was_told_of_a_scan_is_gone_with_it(opened: Callable[[Journey], Non
         assert "of this scan" in app.server.state.message
         await app.opening.open([file])
         assert app.server.state.message == ""
+
+    opened(journey)
+
+
+def test_features_that_were_asked_for_of_one_scan_are_not_computed_of_the_next(
+    opened: Callable[[Journey], None], file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def journey(app: WebApp) -> None:
+        started: list[bool] = []
+        monkeypatch.setattr(SceneSession, "start_extraction", lambda self: started.append(True))
+        app.extraction.press()
+        await app.opening.open([file])
+        app.session.wait()
+        app.refresh()
+        assert not app.server.state.pressed
+        assert started == []
 
     opened(journey)
 
