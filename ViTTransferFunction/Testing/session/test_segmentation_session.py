@@ -296,6 +296,8 @@ def test_an_unrefined_structure_has_the_threshold_of_its_clicks_and_a_refined_on
     unrefined, refined = (session.segment(requests, method).classes for method in ("none", "bilateral"))
     of_clicks = [low.iso for low in session.low_resolution_maps(requests)]
     assert [result.iso for result in unrefined] == of_clicks
+    left_out = session.segment([replace(requests[0], refine=False), *requests[1:]]).classes
+    assert [result.iso for result in left_out] == [of_clicks[0], *(result.iso for result in refined[1:])]
     assert all(result.iso != iso for result, iso in zip(refined, of_clicks, strict=True))
 
 
