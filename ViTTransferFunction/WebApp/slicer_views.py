@@ -48,6 +48,8 @@ class SlicerViews:
         app.view_manager.register_factory(self._factory_3d)
         slices = (ViewLayoutDefinition.axial_view(), ViewLayoutDefinition.coronal_view(), ViewLayoutDefinition.sagittal_view())
         self.slices: tuple[SliceView, ...] = tuple(app.view_manager.create_view(definition) for definition in slices)
+        for view in self.slices:
+            view.get_view_node().SetLayoutLabel(view.name[0])  # Slicer takes the letters of its views from a scene.
         definition_3d = ViewLayoutDefinition.threed_view(background_color=BACKGROUND_3D)
         self.view_3d: ThreeDView = app.view_manager.create_view(definition_3d)
         app.view_manager.set_current_view_ids(list(VIEWS))

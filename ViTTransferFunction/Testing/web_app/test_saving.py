@@ -15,6 +15,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from urllib.parse import quote
+from xml.etree import ElementTree
 
 import pytest
 
@@ -33,6 +34,7 @@ from ViTTransferFunction.Testing.files.test_several_series import write_two
 from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.WebApp import routes
 from ViTTransferFunction.WebApp.app import WebApp
+from ViTTransferFunction.WebApp.scene_files import stage_session
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
 
@@ -134,6 +136,20 @@ def test_segments_that_were_written_after_the_save_are_unsaved_until_they_are_sa
             assert not app.server.state.unsaved
 
     opened(journey)
+
+
+def test_in_slicer_the_slice_views_of_a_saved_session_have_their_letters(
+    opened: Callable[[Journey], None], tmp_path: Path
+) -> None:
+    """Slicer takes the letters of its views from the scene."""
+
+    async def journey(app: WebApp) -> None:
+        stage_session(app.scene, tmp_path / "session")
+
+    opened(journey)
+    (scene_file,) = (tmp_path / "session").glob("*.mrml")
+    views = ElementTree.parse(scene_file).iter("Slice")
+    assert {view.get("name"): view.get("layoutLabel") for view in views} == {"Red": "R", "Green": "G", "Yellow": "Y"}
 
 
 def test_a_full_disk_is_told_and_nothing_is_taken_for_saved(
