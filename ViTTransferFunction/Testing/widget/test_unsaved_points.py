@@ -21,6 +21,7 @@ from PySide6.QtTest import QTest
 
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.unsaved_files import UnsavedFile
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.programs import OPEN, run
 from ViTTransferFunction.Testing.support.scenes import add_volume
 from ViTTransferFunction.Testing.support.sequences import Sequence
@@ -399,6 +400,21 @@ def test_where_points_cannot_be_kept_the_user_is_told_once_until_they_can(
     folder.unlink()
     click()
     wait_until(lambda: points_kept_in(folder) == [{"liver": 3}])
+
+
+def test_points_in_a_single_slice_are_kept_and_only_that_it_cannot_be_segmented_is_told(
+    panel: Any, folder: Path, spheres: Spheres
+) -> None:
+    node = slicer.mrmlScene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "scout")
+    set_image(node, spheres[0].array[:1], spheres[0].geometry.ijk_to_ras)
+    panel.ui.volumeSelector.setCurrentNode(node)
+    annotations = panel.panel.session.annotations
+    corner_ras = spheres[0].geometry.ijk_to_ras[:3, 3]
+    annotations.add_points(annotations.add_class("liver").id, [corner_ras], positive=True)
+    settle(panel)
+    assert points_kept_in(folder) == [{"liver": 1}]
+    wait_until(lambda: "'scout' is" in panel.ui.messageLabel.text())
+    assert "not kept" not in panel.ui.messageLabel.text()
 
 
 def test_a_file_that_is_damaged_is_passed_over_and_the_user_is_told_which(

@@ -77,9 +77,7 @@ class Volume:
     @cached_property
     def digest(self) -> bytes:
         """SHA-256 of the voxels, and of those of the volume that they are part of. Cached: the array must not change."""
-        digest = hashlib.sha256()
-        digest.update(f"{self.array.shape} {self.array.dtype.str}".encode())
-        digest.update(np.ascontiguousarray(self.array).data)
+        digest = digest_voxels(self.array)
         if self.part_of is not None:
             digest.update(self.part_of.digest)
         return digest.digest()
@@ -137,6 +135,14 @@ def _computable(dtype: np.dtype[Any]) -> np.dtype[Any]:
         return np.dtype(np.float32 if dtype.itemsize < 4 else np.float64)
     native: np.dtype[Any] = dtype.newbyteorder("=")
     return native
+
+
+def digest_voxels(array: np.ndarray) -> hashlib._Hash:
+    """SHA-256 of voxels (K, J, I), of their type and their number, also of those that make no `Volume`."""
+    digest = hashlib.sha256()
+    digest.update(f"{array.shape} {array.dtype.str}".encode())
+    digest.update(np.ascontiguousarray(array).data)
+    return digest
 
 
 def finite_range(array: np.ndarray) -> tuple[float, float]:
