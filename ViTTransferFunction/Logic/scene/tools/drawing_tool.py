@@ -61,6 +61,7 @@ class DrawingTool:
             **dict.fromkeys(PRESSES, self._press),
             vtk.vtkCommand.MouseMoveEvent: self._move,
             vtk.vtkCommand.LeftButtonReleaseEvent: self._release,
+            vtk.vtkCommand.EnterEvent: self._enter,
             **dict.fromkeys(_WHEEL, self._wheel),
         })  # fmt: skip
 
@@ -98,6 +99,11 @@ class DrawingTool:
         else:
             self._on_click()
         return True
+
+    def _enter(self) -> bool:
+        """With the button held, the mouse enters no view: it was released elsewhere, as where a message came up."""
+        self._end()
+        return False
 
     def _wheel(self) -> bool:
         """It leads to another slice, and hands that drag turn it by mistake: what is drawn lies in the one that it began in."""

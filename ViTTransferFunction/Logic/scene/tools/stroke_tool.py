@@ -50,6 +50,7 @@ class StrokeTool:
             vtk.vtkCommand.MouseMoveEvent: self._move,
             vtk.vtkCommand.LeftButtonReleaseEvent: self._release,
             vtk.vtkCommand.LeaveEvent: self._leave,
+            vtk.vtkCommand.EnterEvent: self._enter,
         })  # fmt: skip
         self._slice_tag = self._slice_node.AddObserver(vtk.vtkCommand.ModifiedEvent, self._on_slice)
         self._circle = BrushCircle(self._mouse.renderer, self._slice_node, self._radius_mm)
@@ -86,6 +87,11 @@ class StrokeTool:
         if self._circle is not None:
             self._circle.hide()
             self._draw()
+        return False
+
+    def _enter(self) -> bool:
+        """With the button held, the mouse enters no view: it was released elsewhere, as where a message came up."""
+        self._last_ras = None
         return False
 
     def _on_slice(self, caller: vtk.vtkObject, event: str) -> None:

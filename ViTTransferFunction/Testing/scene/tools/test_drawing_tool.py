@@ -180,6 +180,17 @@ def test_the_outline_is_seen_while_it_is_drawn_and_not_after(stage: Stage) -> No
     assert len(stage.outlines) == 1
 
 
+def test_what_is_drawn_is_given_up_where_the_button_was_released_elsewhere_as_in_a_message_that_came_up(stage: Stage) -> None:
+    """With a button held, a mouse enters no view."""
+    stage.tool("lasso")
+    stage.press_and_move((40, 50), (60, 60), (100, 90))
+    stage.interactor.InvokeEvent("EnterEvent")
+    assert not stage.drawn().any()
+    stage.mouse("MouseMoveEvent", 20, 90)
+    assert not stage.drawn().any()
+    assert (stage.outlines, stage.clicks) == ([], 0)
+
+
 def test_a_line_is_seen_with_its_length_until_the_tool_is_given_up(stage: Stage) -> None:
     tool = stage.tool("line")
     before = pixels(stage.view)

@@ -115,6 +115,19 @@ def test_moving_without_a_button_leaves_nothing(slice_node: Any, interactor: Any
     assert points == []
 
 
+def test_a_stroke_is_over_where_the_button_was_released_elsewhere_as_in_a_message_that_came_up(
+    slice_node: Any, interactor: Any
+) -> None:
+    """With a button held, a mouse enters no view."""
+    points: list[np.ndarray] = []
+    tool_in(interactor, slice_node, lambda point, continued: points.append(point))
+    mouse(interactor, "LeftButtonPressEvent", 10, 10)
+    interactor.InvokeEvent("LeaveEvent")
+    interactor.InvokeEvent("EnterEvent")
+    mouse(interactor, "MouseMoveEvent", 90, 10)
+    assert len(points) == 1
+
+
 def test_the_view_does_not_react_while_the_user_paints(slice_node: Any, interactor: Any) -> None:
     reactions: list[str] = []
     for event in ("LeftButtonPressEvent", "MouseMoveEvent", "LeftButtonReleaseEvent"):
