@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("trame_slicer")
 pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
+from PySide6.QtCore import Qt
 
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.rendering.appearance import STYLES
@@ -120,6 +121,13 @@ def test_intensities_of_a_map_of_small_numbers_are_not_rounded_to_nothing(shown:
     ui.lookLowSpinBox.setValue(60e-5)
     look = shown.panel.session.classes[0].look
     assert (look.low, look.high) == pytest.approx((60e-5, 150e-5), abs=1e-6)
+
+
+def test_the_handles_lie_below_the_histogram_also_in_languages_that_run_from_the_right(shown: Any) -> None:
+    """Qt turns a slider round there, and no picture."""
+    shown.ui.appearanceCollapsibleButton.setLayoutDirection(Qt.LayoutDirection.RightToLeft)
+    assert shown.ui.styleComboBox.layoutDirection() == Qt.LayoutDirection.RightToLeft
+    assert shown.ui.lookWindowSlider.layoutDirection() == Qt.LayoutDirection.LeftToRight
 
 
 def test_a_window_beyond_the_histogram_stays_when_the_other_end_is_moved(shown: Any) -> None:
