@@ -30,12 +30,11 @@ _BARE_AMPERSAND = re.compile(rb"&(?!(?:amp|lt|gt|quot|apos|#\d+|#x[0-9a-fA-F]+);
 
 def parameter_node(scene: Any) -> Any:
     """The module's parameter node in a scene, the same that Slicer uses; it is created if it is missing."""
-    for index in range(scene.GetNumberOfNodesByClass("vtkMRMLScriptedModuleNode")):
-        node = scene.GetNthNodeByClass(index, "vtkMRMLScriptedModuleNode")
-        if node.GetModuleName() == MODULE:
-            return node
+    node = scene.GetSingletonNode(MODULE, "vtkMRMLScriptedModuleNode")
+    if node is not None:
+        return node
     node = slicer.vtkMRMLScriptedModuleNode()
-    node.SetModuleName(MODULE)
+    node.SetAttribute("ModuleName", MODULE)
     node.SetSingletonTag(MODULE)
     node.SetName(MODULE)
     return scene.AddNode(node)

@@ -55,7 +55,7 @@ class FollowUp:
 def add_parameter_node(scene: Any) -> Any:
     """The module's parameter node, as Slicer makes it."""
     node = scene.CreateNodeByClass("vtkMRMLScriptedModuleNode")
-    node.SetModuleName("ViTTransferFunction")
+    node.SetAttribute("ModuleName", "ViTTransferFunction")
     node.SetSingletonTag("ViTTransferFunction")
     node.SetName("ViTTransferFunction")
     added = scene.AddNode(node)

@@ -16,7 +16,7 @@ pytest.importorskip("trame_slicer")
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Testing.support.scenes import add_volume
+from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_volume
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.WebApp import packing, scene_files
 
@@ -59,10 +59,11 @@ def test_a_session_holds_no_file_whose_name_windows_refuses(slicer_app: Any, tmp
     assert all(len(state.positive) == 1 for state in again.classes)
 
 
+@pytest.mark.parametrize("add_node", [scene_files.parameter_node, add_parameter_node], ids=["here", "in Slicer"])
 def test_a_saved_session_comes_back_with_its_volume_structures_and_settings(
-    slicer_app: Any, spheres: Spheres, tmp_path: Path
+    slicer_app: Any, spheres: Spheres, tmp_path: Path, add_node: Callable[[Any], Any]
 ) -> None:
-    session = SceneSession(slicer_app.scene, slicer_app.app_logic, scene_files.parameter_node(slicer_app.scene))
+    session = SceneSession(slicer_app.scene, slicer_app.app_logic, add_node(slicer_app.scene))
     session.set_volume(add_volume(slicer_app.scene, spheres[0]))
     added = session.annotations.add_class("Ball <b>{{ 1 }}</b>", (0.2, 0.4, 0.6))
     session.annotations.add_points(added.id, centre_ras(spheres, 1), positive=True)
