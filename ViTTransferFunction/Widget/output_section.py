@@ -42,7 +42,16 @@ class OutputSection(Section):
         self._refresh_writing()
         self.ui.show3DButton.setSegmentationNode(node)
         self.ui.editSegmentsButton.enabled = node is not None
-        self.ui.continueSegmentButton.enabled = session is not None and bool(session.segments.names)
+        continuable = session is not None and bool(session.segments.names)
+        self.ui.continueSegmentButton.enabled = continuable
+        self.ui.continueSegmentButton.toolTip = (
+            _(
+                "Add a structure that begins with points in a segment, to improve what somebody else or another tool made. The "
+                "segment itself stays as it is."
+            )
+            if continuable
+            else _('First choose the segmentation that has the segment, under "Write to".')
+        )
         corrected = session.segments.take_corrected() if session else ()
         if corrected:
             # Not in the midst of a refresh: the panel goes on behind the question.

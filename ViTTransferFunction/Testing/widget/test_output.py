@@ -281,9 +281,11 @@ def visibilities_of_maps() -> list[bool]:
 def test_a_structure_begins_from_a_segment_of_the_menu(widget: Any, volume: Any, segmentation: Any, spheres: Spheres) -> None:
     ui, session = widget.ui, widget.panel.session
     assert not ui.continueSegmentButton.isEnabled()
+    assert ui.segmentationSelectorLabel.text().rstrip(":") in ui.continueSegmentButton.toolTip()
     session.set_volume(volume)
     session.set_segmentation(segmentation)
     assert ui.continueSegmentButton.isEnabled()
+    assert "begins with points in a segment" in ui.continueSegmentButton.toolTip()
     menu = ui.continueSegmentButton.menu()
     for _ in range(2):
         menu.aboutToShow.emit()
