@@ -72,7 +72,9 @@ def violations(case: Case, step: Step, outcomes: Sequence[Outcome], place: Place
         if outcome.code == 0 and call.program == "vittf":
             wrong += _results_wrong(call, case.scan)
     if not killed:
-        left = [path for folder in (place.home, place.temporary) for path in folder.iterdir()]
+        done = [call for call, outcome in zip(step.calls, outcomes, strict=True) if outcome.code == 0]
+        asked_for = {path for call in done for path in outputs(call)}
+        left = [path for folder in (place.home, place.temporary) for path in folder.iterdir() if not _is_of(path, asked_for)]
         wrong += [f"left in {path.parent.name}: {path.name}" for path in left if path.name not in OF_LIBRARIES]
     return wrong
 
@@ -115,9 +117,10 @@ def said(stderr: str) -> list[str]:
 
 
 def option(call: Call, *names: str) -> list[str]:
-    """The values of an option."""
-    given = call.arguments
-    return [given[at + 1] for at, argument in enumerate(given[:-1]) if argument in names]
+    """The values of an option, in which the user's home is spelled out, as `vittf` does it."""
+    given, home = call.arguments, call.environment.get("HOME", "~")
+    values = [given[at + 1] for at, argument in enumerate(given[:-1]) if argument in names]
+    return [home + value[1:] if value == "~" or value.startswith("~/") else value for value in values]
 
 
 def outputs(call: Call) -> set[Path]:
@@ -147,14 +150,13 @@ def _changed_wrongly(step: Step, outcomes: Sequence[Outcome], after: Snapshot, b
     for path in sorted(before.keys() | after.keys()):
         if before.get(path) == after.get(path):
             continue
-        is_output = any(_same(path, output) or output in path.parents or path in output.parents for output in allowed)
         if path in before and _real(path) in of_inputs:
             wrong.append(f"changed its input {path.name}")
         elif path not in after:
             wrong.append(f"removed {path.name}")
         elif path.name.startswith(".writing-"):
             wrong += [] if killed else [f"left {path.name}"]
-        elif not is_output:
+        elif not _is_of(path, allowed):
             wrong.append(f"{'changed' if path in before else 'left'} {path.name}")
         elif not done and after[path] != "folder" and not (step.late and _is_whole(path)):
             wrong.append(f"{'changed' if path in before else 'left'} its output {path.name} though it refused")
@@ -182,8 +184,12 @@ def _read_whole(path: Path) -> None:
             raise ValueError(f"{path.name} is cut off")
 
 
-def _same(path: Path, output: Path) -> bool:
-    return os.path.normpath(path) == os.path.normpath(output)
+def _is_of(path: Path, outputs: set[Path]) -> bool:
+    """Whether it is an output, in one, or a folder that leads to one."""
+    return any(
+        os.path.normpath(path) == os.path.normpath(output) or output in path.parents or path in output.parents
+        for output in outputs
+    )
 
 
 def _real(path: Path) -> str:

@@ -81,6 +81,12 @@ def test_what_a_refused_run_changed_or_left_is_found(place: Place, name: str, me
     assert any(message in failure for failure in failures)
 
 
+def test_what_was_asked_for_in_the_users_home_is_looked_for_there(place: Place) -> None:
+    failures = judged(place, ended(0), lambda: (place.home / "out.nii.gz").write_bytes(b"half"), output="~/out.nii.gz")
+    assert ["cannot be read" in failure for failure in failures] == [True]
+    assert judged(place, ended(2, REFUSAL), output="~/out.nii.gz") == ["left in home: out.nii.gz"]
+
+
 def test_a_result_that_cannot_be_read_is_found(place: Place) -> None:
     failures = judged(place, ended(0), lambda: (place.work / "out.nii.gz").write_bytes(b"half"))
     assert any("cannot be read" in failure for failure in failures)
