@@ -25,6 +25,7 @@ class OutputSection(Section):
         self._progress = ProgressRow(ui, "segmentation")
         self._segments_menu = qt.QMenu(ui.continueSegmentButton)
         ui.continueSegmentButton.setMenu(self._segments_menu)
+        self._about_continuing = ui.continueSegmentButton.toolTip
         fill_selector(ui.segmentationSelector)
         ui.segmentationSelector.currentNodeChanged.connect(self._on_segmentation_selected)
         ui.writeSegmentsButton.clicked.connect(self._on_write)
@@ -45,10 +46,7 @@ class OutputSection(Section):
         continuable = session is not None and bool(session.segments.names)
         self.ui.continueSegmentButton.enabled = continuable
         self.ui.continueSegmentButton.toolTip = (
-            _(
-                "Add a structure that begins with points in a segment, to improve what somebody else or another tool made. The "
-                "segment itself stays as it is."
-            )
+            self._about_continuing
             if continuable
             else _('First choose the segmentation that has the segment, under "Write to".')
         )

@@ -25,7 +25,7 @@ from ..core.system.cache_folder import CACHE_VARIABLE, cache_folder, make_privat
 from ..core.system.errors import InputError
 from ..core.system.file_lock import is_at, take_lock
 from ..core.volumes.geometry import Geometry
-from ..core.volumes.volume import digest_voxels
+from ..core.volumes.volume import digest_of_voxels
 from .annotation_files import ANNOTATIONS_ENDING, read_annotations, write_annotations
 from .json_files import read_json
 
@@ -171,7 +171,7 @@ class UnsavedFile:
     def _scan(self) -> str:
         """A name that identifies the scan by its voxels and their position, independent of its file name."""
         assert self._array is not None
-        digest = hashlib.sha256(digest_voxels(self._array).digest())
+        digest = hashlib.sha256(digest_of_voxels(self._array))
         # Frees the voxels, because the scan may be removed from the scene while its structures are still kept.
         self._array = None
         # Without the sign of zero.

@@ -197,6 +197,14 @@ def test_an_app_that_is_ended_packs_no_further(opened: Callable[[Journey], None]
     opened(journey)
 
 
+def have_up_to_date_segments(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if there were segments of all structures; nothing is written."""
+    monkeypatch.setattr(SceneSegments, "write", lambda self, corrections: None)
+    monkeypatch.setattr(SceneSegments, "exist", True)
+    monkeypatch.setattr(SceneSegments, "source", "any")
+    monkeypatch.setattr(SceneSegments, "outdated", False)
+
+
 @pytest.mark.parametrize("succeeds", [False, True])
 def test_a_download_waits_for_the_segments_and_is_given_up_where_they_are_not_written(
     opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch, succeeds: bool
@@ -204,10 +212,7 @@ def test_a_download_waits_for_the_segments_and_is_given_up_where_they_are_not_wr
     writing = WorkProgress(0, 0, "Segmenting", None)
 
     async def journey(app: WebApp) -> None:
-        monkeypatch.setattr(SceneSegments, "write", lambda self, corrections: None)
-        monkeypatch.setattr(SceneSegments, "exist", True)
-        monkeypatch.setattr(SceneSegments, "source", "any")
-        monkeypatch.setattr(SceneSegments, "outdated", False)
+        have_up_to_date_segments(monkeypatch)
         monkeypatch.setattr(SceneSession, "progress", writing)
         app.actions("updateAndDownload")
         app.refresh()
@@ -229,10 +234,7 @@ def test_a_download_waits_for_the_answer_where_segments_were_corrected_by_hand(
     opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def journey(app: WebApp) -> None:
-        monkeypatch.setattr(SceneSegments, "write", lambda self, corrections: None)
-        monkeypatch.setattr(SceneSegments, "exist", True)
-        monkeypatch.setattr(SceneSegments, "source", "any")
-        monkeypatch.setattr(SceneSegments, "outdated", False)
+        have_up_to_date_segments(monkeypatch)
         monkeypatch.setattr(SceneSession, "progress", None)
         monkeypatch.setattr(SceneSegments, "take_corrected", lambda self: ("liver",))
         app.actions("updateAndDownload")

@@ -77,10 +77,7 @@ class Volume:
     @cached_property
     def digest(self) -> bytes:
         """SHA-256 of the voxels, and of those of the volume that they are part of. Cached: the array must not change."""
-        digest = digest_voxels(self.array)
-        if self.part_of is not None:
-            digest.update(self.part_of.digest)
-        return digest.digest()
+        return digest_of_voxels(self.array, self.part_of.digest if self.part_of is not None else b"")
 
     def _check_shape(self) -> None:
         if self.array.ndim != 3:
@@ -137,12 +134,13 @@ def _computable(dtype: np.dtype[Any]) -> np.dtype[Any]:
     return native
 
 
-def digest_voxels(array: np.ndarray) -> hashlib._Hash:
-    """SHA-256 of voxels (K, J, I), of their type and their number, also of those that make no `Volume`."""
+def digest_of_voxels(array: np.ndarray, further: bytes = b"") -> bytes:
+    """SHA-256 of voxels (K, J, I), also of those that make no `Volume`, of their type and number, and of further bytes."""
     digest = hashlib.sha256()
     digest.update(f"{array.shape} {array.dtype.str}".encode())
     digest.update(np.ascontiguousarray(array).data)
-    return digest
+    digest.update(further)
+    return digest.digest()
 
 
 def finite_range(array: np.ndarray) -> tuple[float, float]:

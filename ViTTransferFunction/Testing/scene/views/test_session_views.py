@@ -55,14 +55,13 @@ def seen_in_3d(view: Any, spheres: Spheres) -> list[bool]:
 
 def overlaid(view: Any, spheres: Spheres) -> list[bool]:
     """Whether slices are coloured in each of the spheres."""
-    places = [slice_pixel(view, ras) for ras in within(spheres)]
-    return [bool(np.ptp(pixels_at(view, ras)[place])) for ras, place in zip(within(spheres), places, strict=True)]
+    return [is_coloured(view, ras) for ras in within(spheres)]
 
 
-def pixels_at(view: Any, ras: np.ndarray) -> np.ndarray:
-    """What is seen of the slice through a place."""
-    slice_pixel(view, ras)
-    return pixels(view)
+def is_coloured(view: Any, ras: np.ndarray) -> bool:
+    """Whether a place has a colour in its slice, not a grey."""
+    place = slice_pixel(view, ras)
+    return bool(np.ptp(pixels(view)[place]))
 
 
 def outlined(scene: Any) -> list[tuple[int, ...]]:
